@@ -130,6 +130,31 @@ def test_ratios(benchmark, tmp_path):
     ]
 
 
+def test_branches(benchmark, tmp_path):
+    """CPU time of phi1 with four branches, at one fix and at two, over the run without; caches are full."""
+    plan = ("-m", "pareto_ltl", "+experiment=phi1_branches", "report=none")
+    kinds = {
+        "without branches": (*plan, "branch.leaves=1"),
+        "4 branches": plan,
+        "4 branches at each of 2 fixes": (*plan, "branch.at=[5.0,10.0]", "branch.fixes=2"),
+    }
+    for words in kinds.values():
+        cpu_of(tmp_path, *words)
+    spent: dict[str, list[float]] = {name: [] for name in kinds}
+
+    def turn() -> None:
+        for name, words in kinds.items():
+            spent[name].append(cpu_of(tmp_path, *words))
+
+    benchmark.pedantic(turn, rounds=ROUNDS)
+    unit = median(spent.pop("without branches"))
+    limits = {"4 branches": 4.0, "4 branches at each of 2 fixes": 12.0}
+    benchmark.extra_info["figures"] = [
+        (f"{name}, over the run without branches", median(times) / unit, limits[name])
+        for name, times in spent.items()
+    ]
+
+
 def test_warm_process(benchmark, tmp_path):
     """A run that a warm process answers: the time until its answer is less than half of a plain one."""
     place = {"XDG_RUNTIME_DIR": tempfile.mkdtemp(prefix="w")}

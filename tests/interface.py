@@ -57,14 +57,20 @@ def _kind(kind: Any) -> str:
     return kind.__name__ if isinstance(kind, type) and not hasattr(kind, "__args__") else str(kind)
 
 
-def file_keys(schema: Any, place: str = "") -> list[str]:
+TREE = "#/$defs/branches"  # the definition of an object that contains itself: its keys are listed once
+
+
+def file_keys(schema: Any, place: str = "", whole: Any = None) -> list[str]:
     """The keys of a JSON file by its schema, as pointers; ``!`` marks a key that is always there."""
     found: list[str] = []
+    whole = schema if whole is None else whole
+    if schema.get("$ref") == TREE and place.count("/branches") == 1:
+        schema = whole["$defs"]["branches"]
     for name, inner in schema.get("properties", {}).items():
         found.append(f"{place}/{name}{'!' * (name in schema.get('required', ()))}")
-        found += file_keys(inner, f"{place}/{name}")
+        found += file_keys(inner, f"{place}/{name}", whole)
     if isinstance(items := schema.get("items"), dict):
-        found += file_keys(items, f"{place}/*")
+        found += file_keys(items, f"{place}/*", whole)
     return found
 
 

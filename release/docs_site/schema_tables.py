@@ -31,29 +31,38 @@ def _schema_section(name: str) -> str:
     return "\n".join([f"## {name}", "", f"{schema['title']}. {download}", "", HEAD, *rows])
 
 
-def _rows(node: Node, schema: Node, prefix: str) -> Iterator[tuple[str, str, str]]:
-    """A row for each key of an object, then for objects inside it; keys that may be missing are marked."""
+def _rows(
+    node: Node, schema: Node, prefix: str, passed: tuple[str, ...] = ()
+) -> Iterator[tuple[str, str, str]]:
+    """A row for each key of an object, then for objects inside it; keys that may be missing are marked.
+
+    ``passed`` are the definitions that the object is part of: one that contains itself is shown once.
+    """
     required = node.get("required", ())
     for name, found in node.get("properties", {}).items():
         below = _resolved(found, schema)
         key = f"{prefix}{name}"
         optional = "" if name in required else "optional; "
         yield f"`{key}`", f"{optional}{_value_text(below)}", _meaning(found, below)
-        yield from _rows_below(below, schema, key)
+        ref = found.get("$ref", "")
+        if ref not in passed:
+            yield from _rows_below(below, schema, key, (*passed, *([ref] if ref else [])))
     for pattern, found in node.get("patternProperties", {}).items():
         below = _resolved(found, schema)
         yield f"{prefix}NAME, with NAME like `{pattern}`", _value_text(below), _meaning(found, below)
     if isinstance(others := node.get("additionalProperties"), dict):
         below = _resolved(others, schema)
         yield f"`{prefix}NAME`", _value_text(below), _meaning(others, below)
-        yield from _rows_below(below, schema, f"{prefix}NAME")
+        yield from _rows_below(below, schema, f"{prefix}NAME", passed)
 
 
-def _rows_below(node: Node, schema: Node, key: str) -> Iterator[tuple[str, str, str]]:
+def _rows_below(
+    node: Node, schema: Node, key: str, passed: tuple[str, ...]
+) -> Iterator[tuple[str, str, str]]:
     """The rows of an object, or of each item of an array."""
     if isinstance(items := node.get("items"), dict):
-        yield from _rows_below(_resolved(items, schema), schema, f"{key}[]")
-    yield from _rows(node, schema, f"{key}.")
+        yield from _rows_below(_resolved(items, schema), schema, f"{key}[]", passed)
+    yield from _rows(node, schema, f"{key}.", passed)
 
 
 def _resolved(node: Node, schema: Node) -> Node:

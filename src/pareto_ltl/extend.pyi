@@ -7,6 +7,7 @@ from pareto_ltl.logic.formula import parse_formula as parse_formula
 from pareto_ltl.planning.branching.records import Branch as Branch
 from pareto_ltl.planning.branching.records import Branching as Branching
 from pareto_ltl.planning.branching.records import plan_on_branch as plan_on_branch
+from pareto_ltl.planning.branching.records import plans_on_branches as plans_on_branches
 from pareto_ltl.planning.conditioning import Fix as Fix
 from pareto_ltl.planning.conditioning import Learnt as Learnt
 from pareto_ltl.planning.cost import Cost as Cost

@@ -469,3 +469,17 @@ def open_evidence(directory: Path, source: Path | None = None) -> Evidence:
             f"which are {', '.join(path.name for path in inputs) or 'none'}"
         )
     return result
+
+
+def all_branches(tree: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """What ``plan.json`` states of every branch: A, A1, A2, B, ..."""
+    for row in tree["branches"]:
+        yield row
+        yield from all_branches(row["branches"]) if "branches" in row else ()
+
+
+def all_trees(tree: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """What it states of every fix at which the plan branches, the first one first."""
+    yield tree
+    for row in tree["branches"]:
+        yield from all_trees(row["branches"]) if "branches" in row else ()

@@ -27,7 +27,7 @@ from pareto_ltl.support.medium import AIR, WATER, Medium
 from pareto_ltl.support.reading import read_text
 from pareto_ltl_verify.claims.height import flown
 from pareto_ltl_verify.claims.plan import OBJECTIVES
-from pareto_ltl_verify.evidence import LAWS, Evidence
+from pareto_ltl_verify.evidence import LAWS, Evidence, all_branches
 from pareto_ltl_verify.flights import failures, rate_of
 
 FACTS = ("seed", "fidelity", "version", "code_hash", "config_hash", "python")  # of run.json, on the page
@@ -208,7 +208,7 @@ def verdicts(result: Evidence) -> Iterator[dict[str, str]]:
     if (tree := result.plan.get("branches")) is not None:
         when = f"{round(tree['fix']['step'] * result.robot.dt) / 3600:.4g} h"
         yield _row(f"the plan with branches after a fix at {when}", tree["rate"], _sample(tree["rate"]))
-        for row in tree["branches"]:
+        for row in all_branches(tree):
             told = f"{_sample(row['rate'])}: {probability_text(row['share'])} of those with the fix"
             yield _row(f"branch {row['name']}, {row['where']}", row["rate"], told)
     laws = sorted(LAWS, key=lambda law: (law != result.planned_law, law))

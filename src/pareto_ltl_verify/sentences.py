@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from typing import Any
 
 from pareto_ltl.support.display import listed_text, rate_text
 from pareto_ltl_verify import page_texts
@@ -68,21 +69,43 @@ def branch_sentences(result: Evidence) -> Iterator[str]:
     tree = result.plan.get("branches")
     if tree is None:
         return
-    step, rows = tree["fix"]["step"], tree["branches"]
-    letters, times = [row["name"] for row in rows], result.plan["time_utc"]
-    moment = f"{step * result.robot.dt:g} s" if times is None else times[step]
-    if result.robot.bank > 0.0 and result.has(TABLE):  # turns move the times of the legs
-        moment = result.table(TABLE)[step]["time_utc"] or f"{column(result.table(TABLE), 't_s')[step]:g} s"
-    yield (
-        f"At {moment} a position fix selects one of the branches {', '.join(letters[:-1])} and "
-        f"{letters[-1]}; without it, the plan goes on."
+    yield from _selected(
+        tree, _moment(result, tree["fix"]["step"], result.plan["time_utc"]), "At", "the plan"
     )
-    yield from (f"Branch {row['name']}: the measured position is {row['where']}." for row in rows)
+    for row in tree["branches"]:
+        if (then := row.get("branches")) is not None:
+            k = then["fix"]["step"] - tree["fix"]["step"]
+            table = f"branch_{row['name']}.csv"
+            when = _moment(result, then["fix"]["step"], row["time_utc"], k, table)
+            name = f"branch {row['name']}"
+            yield from _selected(then, when, f"On {name}, at", name)
     shares = [rate_text(rate["failure"], rate["low"], rate["high"]) for rate in (tree["rate"], tree["alone"])]
     yield (
         f"Of {tree['rate']['runs']:,} flights with these branches, {shares[0]} fail; of the same flights "
         f"without the fix, {shares[1]}."
     )
+
+
+def _moment(
+    result: Evidence, step: int, times: list[str] | None, k: int | None = None, table: str = TABLE
+) -> str:
+    """The time of ``step``, row ``k`` of ``times`` and of ``table``; turns move the times of legs."""
+    k = step if k is None else k
+    if result.robot.bank > 0.0 and result.has(table):
+        rows = result.table(table)
+        return rows[k]["time_utc"] or f"{column(rows, 't_s')[k]:g} s"
+    return f"{step * result.robot.dt:g} s" if times is None else times[k]
+
+
+def _selected(tree: dict[str, Any], moment: str, begin: str, what: str) -> Iterator[str]:
+    """What files say of a fix; ``what`` is flown without it."""
+    letters = [row["name"] for row in tree["branches"]]
+    yield (
+        f"{begin} {moment} a position fix selects one of the branches {', '.join(letters[:-1])} and "
+        f"{letters[-1]}; without it, {what} goes on."
+    )
+    for row in tree["branches"]:
+        yield f"Branch {row['name']}: the measured position is {row['where']}."
 
 
 def known_sentences(result: Evidence, name: str) -> Iterator[str]:

@@ -11,12 +11,12 @@ function uint:tofloat() return self.v end
 function millis() return setmetatable({ v = now }, uint) end
 arming = { is_armed = function() return armed end }
 vehicle = { get_mode = function() return mode end }
-local user, measured = 0, nil
+local user, second, measured = 0, 0, nil
 gps = {
     status = function(_, instance) return instance == 0 and fix or nil end,
     location = function() return measured end,
 }
-param = { get = function(_, name) return name == "SCR_USER1" and user or nil end }
+param = { get = function(_, name) return ({ SCR_USER1 = user, SCR_USER2 = second })[name] end }
 
 local function field(name)
     return function(self, value)
@@ -75,6 +75,7 @@ for _, event in ipairs(events) do
     if event.mode then mode = event.mode end
     if event.fix then fix = event.fix end
     if event.user then user = event.user end
+    if event.second then second = event.second end
     if event.lat then
         measured = Location()
         measured:lat(event.lat)

@@ -9,18 +9,13 @@ import pytest
 from numpy.random import SeedSequence
 
 from coherent import STEPS, coherent_problem
-from pareto_ltl.planning.branching.belief import (
-    course_in_cell,
-    learnt_in_cell,
-    measured_moments,
-    prior_at,
-)
+from pareto_ltl.planning.branching.belief import Course, learnt_in_cell, noise_of, prior_at
 from pareto_ltl.planning.branching.cells import Cell, Moments
-from pareto_ltl.planning.branching.records import TRUNK, BranchFix, cells_of
+from pareto_ltl.planning.branching.records import TRUNK, BranchFix, Passed, cells_of
 from pareto_ltl.planning.conditioning import Fix, learn
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.simulation.tree_flights import TreeFlights, fly_branches
+from pareto_ltl.simulation.tree_flights import TreeFlights, fly_rests
 from pareto_ltl.support.arrays import square_matrices
 
 RUNS, STEP = 40_000, 15
@@ -52,11 +47,12 @@ def test_position_and_wind_in_a_cell_are_those_of_its_flights(sorted_flights, nu
     """Means within 6 standard errors and 3 % of the spread, covariances within 6 standard errors and 5 %."""
     problem, flight, winds, x, fix, cell = sorted_flights
     cov = square_matrices(flight.cov)[STEP]
-    told = measured_moments(fix, CELLS[number], cov)
+    passed = (Passed(fix, CELLS[number]),)
+    told = Course.of(problem, flight.x).told(passed)
     rows = np.flatnonzero(cell == number)
     n = len(rows)
     assert n / RUNS == pytest.approx(told.share, abs=6 * 0.5 / math.sqrt(RUNS) + 0.01)
-    learnt = learnt_in_cell(prior_at(problem, fix, flight.x), told, fix.sd)
+    learnt = learnt_in_cell(prior_at(problem, passed, flight.x), told, noise_of(passed))
     own = x[rows, STEP]
     sd = np.sqrt(np.diag(cov))
     assert (np.abs(own.mean(axis=0) - learnt.mean) < (6 / math.sqrt(n) + 0.03) * sd).all()
@@ -77,12 +73,11 @@ def test_position_and_wind_in_a_cell_are_those_of_its_flights(sorted_flights, nu
 def test_the_rest_of_the_course_in_a_cell_is_that_of_its_flights(sorted_flights, number: int) -> None:
     """To the end of the plan: the covariance of position and wind is part of it."""
     problem, flight, _, x, fix, cell = sorted_flights
-    told = measured_moments(fix, CELLS[number], square_matrices(flight.cov)[STEP])
-    course = course_in_cell(problem, flight.x, fix, told)
+    whole, passed = Course.of(problem, flight.x), (Passed(fix, CELLS[number]),)
+    course = whole.given(passed, whole.told(passed))
     rows = np.flatnonzero(cell == number)
     for t in (STEP, (STEP + len(STEPS)) // 2, len(STEPS) - 1):
-        whole = square_matrices(flight.cov)[t]
-        sd, n = math.sqrt(np.trace(whole)), len(rows)
+        sd, n = math.sqrt(np.trace(square_matrices(flight.cov)[t])), len(rows)
         assert np.linalg.norm(x[rows, t].mean(axis=0) - course.x[t]) < (6 / math.sqrt(n) + 0.04) * sd
         left = square_matrices(course.cov)[t]
         assert np.abs(np.cov(x[rows, t].T) - left).max() < (6 * math.sqrt(2 / n) + 0.06) * sd**2
@@ -94,9 +89,10 @@ def test_the_rest_of_the_course_in_a_cell_is_that_of_its_flights(sorted_flights,
 def test_a_cell_of_no_width_is_a_position_fix(sorted_flights) -> None:
     """V = 0 gives what (M67) gives, by the other code."""
     problem, flight, _, _, fix, _ = sorted_flights
-    prior = prior_at(problem, fix, flight.x)
+    passed = (Passed(fix, Cell()),)
+    prior = prior_at(problem, passed, flight.x)
     d = np.array([400.0, -250.0])
-    one = learnt_in_cell(prior, Moments(1.0, d, np.zeros((2, 2))), fix.sd)
+    one = learnt_in_cell(prior, Moments(1.0, d, np.zeros((2, 2))), noise_of(passed))
     other = learn(prior, flight.x[[STEP]], [Fix(fix.place + d, fix.sd, STEP)])
     assert one.mean == pytest.approx(other.mean, abs=1e-6)
     assert one.cov == pytest.approx(other.cov, rel=1e-8, abs=1e-3)
@@ -108,6 +104,42 @@ def test_a_cell_of_no_width_is_a_position_fix(sorted_flights) -> None:
     assert one.shared == pytest.approx(other.shared, abs=1e-6)
 
 
+LATER = 24  # step of a second fix
+
+
+def test_position_and_wind_in_the_cells_of_two_fixes_are_those_of_their_flights(sorted_flights) -> None:
+    """The second fix lies beside the expected position; shares, means, covariances of e, θ and the rest."""
+    problem, flight, winds, x, fix, cell = sorted_flights
+    ahead = STEPS[LATER] - STEPS[LATER - 1]
+    sd = float(np.sqrt(square_matrices(flight.cov)[LATER][0, 0]))
+    second = BranchFix(LATER, STEPS[LATER] + 0.2 * sd, ahead / np.hypot(*ahead), 0.2 * sd)
+    box = Cell((-math.inf, 0.3 * sd), (-0.5 * sd, math.inf))
+    y, _ = winds.measured(second, x[:, LATER], 1)
+    come = cell == 1
+    rows = np.flatnonzero(come & box.holds(second.distances(y)))
+    n = len(rows)
+    assert n > 500
+    passed, course = (Passed(fix, CELLS[1]), Passed(second, box)), Course.of(problem, flight.x)
+    told = course.told(passed)
+    assert told.share == pytest.approx(n / come.sum(), abs=6 * 0.5 / math.sqrt(come.sum()) + 0.01)
+    learnt = learnt_in_cell(prior_at(problem, passed, flight.x), told, noise_of(passed))
+    own = x[rows, LATER]
+    slack = 6 / math.sqrt(n) + 0.03
+    assert (np.abs(own.mean(axis=0) - learnt.mean) < slack * sd).all()
+    assert np.abs(np.cov(own.T) - learnt.cov).max() < (6 * math.sqrt(2 / n) + 0.05) * sd**2
+    theta = winds.flights.draws.theta[problem.modes.epoch[LATER]][rows].astype(float)
+    assert np.abs(theta.mean(axis=0) - learnt.theta).max() < slack
+    strongest = np.unravel_index(np.abs(learnt.theta).argmax(), learnt.theta.shape)
+    left = 1.0 - (learnt.told[:, strongest[0], strongest[1]] ** 2).sum()
+    assert theta[:, strongest[0], strongest[1]].var() == pytest.approx(left, abs=6 * math.sqrt(2 / n) + 0.03)
+    end, given = len(STEPS) - 1, course.given(passed, told)
+    whole = math.sqrt(np.trace(square_matrices(flight.cov)[end]))
+    assert np.linalg.norm(x[rows, end].mean(axis=0) - given.x[end]) < slack * whole
+    # The first fix tells something that the second one does not.
+    alone = course.given(passed[1:], course.told(passed[1:]))
+    assert np.linalg.norm(alone.x[end] - given.x[end]) > 0.05 * whole
+
+
 def test_branches_that_go_on_as_planned_change_nothing(sorted_flights) -> None:
     """With the rest of the plan in every cell the same flights fail; with another rest, others do."""
     _, flight, winds, x, _, cell = sorted_flights
@@ -115,9 +147,9 @@ def test_branches_that_go_on_as_planned_change_nothing(sorted_flights) -> None:
     some, branch = winds.only(few), cell[few]
     alone = problem_failures(some, x[few])
     rest = flight.u[STEP:]
-    assert (fly_branches(some, flight.u, STEP, [rest] * 3, branch) == alone).all()
-    assert (fly_branches(some, flight.u, STEP, [rest] * 3, np.full(2000, TRUNK)) == alone).all()
-    back = fly_branches(some, flight.u, STEP, [rest, -rest, rest], branch)
+    assert (fly_rests(some, flight.u, STEP, [rest] * 3, branch) == alone).all()
+    assert (fly_rests(some, flight.u, STEP, [rest] * 3, np.full(2000, TRUNK)) == alone).all()
+    back = fly_rests(some, flight.u, STEP, [rest, -rest, rest], branch)
     assert back[branch == 1].all()  # flown backwards, none reaches its goal
     assert (back[branch != 1] == alone[branch != 1]).all()
 

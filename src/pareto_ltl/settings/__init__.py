@@ -112,6 +112,11 @@ class Settings(CheckedSettings):
     def _check_branches(self) -> None:
         """Refuse branches of a robot that always knows its position, and models that do not see them."""
         if self.branch.leaves == 1:
+            if self.branch.fixes > 1:
+                raise ConfigError(
+                    f"branch.fixes = {self.branch.fixes} has no effect with branch.leaves = 1: "
+                    "set branch.leaves to 2, 3 or 4, or branch.fixes=1"
+                )
             return
         if self.robot.feedback_time is not None:
             raise ConfigError(

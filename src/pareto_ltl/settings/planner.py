@@ -122,9 +122,19 @@ class BranchConfig(CheckedSettings, section="branch"):
     at: list[float] = setting(
         [],
         "times after departure at which a position fix can be taken, of which the plan branches at the best "
-        "one; none: at the landmarks of the map",
+        "one, or one after another with branch.fixes=2; none: at the landmarks of the map",
         "(0, 1e4]",
         unit="h",
+    )
+    fixes: int = setting(
+        1,
+        "largest number of fixes, one after another, at which the plan branches: each branch of the first "
+        "one may branch again",
+        "[1, 2]",
+    )
+    fit_trunk: bool = setting(
+        True,
+        "whether the plan may be another path of the front, or a bent one, if that fails less with branches",
     )
     fix_sd: float = setting(
         500.0,

@@ -1,4 +1,4 @@
-"""Flights of a plan that branches: sorted into cells by a measured position, each flown to its end."""
+"""Flights of a plan that branches: sorted into cells by measured positions, each flown to its end."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.planning.branching.records import TRUNK, BranchFix, Branching
+from pareto_ltl.planning.branching.records import LEVELS, TRUNK, BranchFix, Branching
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
@@ -23,9 +23,9 @@ class TreeFlights:
 
     Attributes
     ----------
-    noise : (n, 2) float
-        Standard normal draws of the errors of the measured positions.
-    luck : (n,) float
+    noise : (n, LEVELS, 2) float
+        Standard normal draws of the errors of the measured positions, at each fix.
+    luck : (n, LEVELS) float
         Uniform draws; a fix can be taken if its draw is below its probability.
     """
 
@@ -41,7 +41,8 @@ class TreeFlights:
         """``runs`` flights in the winds of the law of ``problem``."""
         winds, fixes = seed.spawn(2)
         rng = np.random.default_rng(fixes)
-        noise, luck = rng.standard_normal((runs, 2)), rng.random(runs)
+        pairs = [(rng.standard_normal((runs, 2)), rng.random(runs)) for _ in range(LEVELS)]
+        noise, luck = (np.stack(part, axis=1) for part in zip(*pairs, strict=True))
         return cls(draw_flights(problem, problem.fidelity.law, runs, winds), noise, luck)
 
     def only(self, rows: IntArray) -> TreeFlights:
@@ -52,9 +53,12 @@ class TreeFlights:
         """Positions (n, T+1, 2) [m] of the controls ``u`` (T, 2), without a fix."""
         return self.flights.flown(u, np.zeros((len(u) + 1, 2)))
 
-    def measured(self, fix: BranchFix, x: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Measured positions (n, 2) [m] of flights that are at ``x`` (n, 2), and which of them are taken."""
-        return x + fix.sd * self.noise, fix.inside(x) & (self.luck < fix.available)
+    def measured(self, fix: BranchFix, x: FloatArray, level: int = 0) -> tuple[FloatArray, BoolArray]:
+        """Measured positions (n, 2) [m] of flights at ``x`` (n, 2), and which of them are taken.
+
+        ``level`` is the number of fixes before.
+        """
+        return x + fix.sd * self.noise[:, level], fix.inside(x) & (self.luck[:, level] < fix.available)
 
     def failed(self, u: FloatArray) -> BoolArray:
         """Which flights of the controls ``u`` (T, 2) fail."""
@@ -66,7 +70,7 @@ def whole_controls(trunk: FloatArray, step: int, rest: FloatArray) -> FloatArray
     return np.ascontiguousarray(np.vstack([trunk[:step], rest]))
 
 
-def fly_branches(
+def fly_rests(
     winds: TreeFlights, trunk: FloatArray, step: int, rests: Sequence[FloatArray], branch: IntArray
 ) -> BoolArray:
     """Which flights (n,) fail if each flies the rest of its ``branch``, or ``TRUNK``."""
@@ -78,32 +82,68 @@ def fly_branches(
     return failed
 
 
-def branches_of(winds: TreeFlights, fix: BranchFix, branching: Branching, trunk: FloatArray) -> IntArray:
-    """The number of the branch that each flight takes, ``TRUNK`` if it takes no fix."""
-    at = winds.flown(np.ascontiguousarray(trunk[: fix.step]))[:, -1]
-    y, taken = winds.measured(fix, at)
-    return np.where(taken, branching.chosen(y), TRUNK)
-
-
 @dataclass(frozen=True, slots=True)
 class TreeOutcome:
-    """Fresh flights of a tree: the ``branch`` (n,) of each, whether it fails with branches, and alone."""
+    """Flights of a tree.
+
+    Attributes
+    ----------
+    branch : (n, LEVELS) int
+        The branch that each flight takes at each fix, ``TRUNK`` if it takes none.
+    failed : (n,) bool
+        Which flights fail with all branches.
+    before : (n, LEVELS) bool
+        Which fail without the first fix and all later ones, and without the second one.
+    """
 
     branch: IntArray
     failed: BoolArray
-    alone: BoolArray
+    before: BoolArray
+
+    def rows(self, path: Sequence[int]) -> IntArray:
+        """The flights that take the branches ``path``, one at each fix."""
+        held = np.ones(len(self.failed), bool)
+        for level, number in enumerate(path):
+            held &= self.branch[:, level] == number
+        return np.flatnonzero(held)
+
+
+def fly_branches(winds: TreeFlights, u: FloatArray, tree: Branching, level: int = 0) -> TreeOutcome:
+    """Fly the controls ``u`` (T, 2), and at each fix the branch that the measured position selects."""
+    branch = np.full((len(winds), LEVELS), TRUNK)
+    alone = winds.failed(u)
+    failed, before = alone.copy(), np.repeat(alone[:, None], LEVELS, axis=1)
+    fix = tree.fix
+    at = winds.flown(np.ascontiguousarray(u[: fix.step]))[:, -1]
+    y, taken = winds.measured(fix, at, level)
+    branch[:, level] = np.where(taken, tree.chosen(y), TRUNK)
+    for number, one in enumerate(tree.branches):
+        rows = np.flatnonzero(branch[:, level] == number)
+        if not len(rows):
+            continue
+        own, whole = winds.only(rows), whole_controls(u, fix.step, one.path.u)
+        if one.then is None:
+            failed[rows] = own.failed(whole)
+            before[rows, level + 1 :] = failed[rows, None]
+            continue
+        later = fly_branches(own, whole, one.then, level + 1)
+        failed[rows] = later.failed
+        branch[rows, level + 1 :] = later.branch[:, level + 1 :]
+        before[rows, level + 1 :] = later.before[:, level + 1 :]
+    return TreeOutcome(branch, failed, before)
 
 
 def fly_tree(
     problem: Problem, trunk: PlannedPath, branching: Branching, runs: int, seed: SeedSequence
 ) -> TreeOutcome:
-    """Fly a plan with its branches, and alone, ``runs`` times in the same winds."""
-    parts = []
+    """Fly a plan with its branches, and without, ``runs`` times in the same winds."""
     blocks = [min(BLOCK, runs - first) for first in range(0, runs, BLOCK)]
-    rests = [branch.path.u for branch in branching.branches]
-    for size, child in zip(blocks, seed.spawn(len(blocks)), strict=True):
-        winds = TreeFlights.drawn(problem, size, child)
-        branch = branches_of(winds, branching.fix, branching, trunk.u)
-        failed = fly_branches(winds, trunk.u, branching.fix.step, rests, branch)
-        parts.append((branch, failed, winds.failed(trunk.u)))
-    return TreeOutcome(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    parts = [
+        fly_branches(TreeFlights.drawn(problem, size, child), trunk.u, branching)
+        for size, child in zip(blocks, seed.spawn(len(blocks)), strict=True)
+    ]
+    return TreeOutcome(
+        np.concatenate([part.branch for part in parts]),
+        np.concatenate([part.failed for part in parts]),
+        np.concatenate([part.before for part in parts]),
+    )

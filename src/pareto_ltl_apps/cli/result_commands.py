@@ -181,8 +181,14 @@ def _explain_branches(options: Namespace) -> Answer:
         "failure": tree.rate.failure,
         "alone": tree.alone.failure,
         "branches": [
-            {"name": one.name, "where": one.cell.words, "share": one.share, "failure": one.rate.failure}
-            for one in tree.branches
+            {
+                "name": one.name,
+                "step": own.fix.step,
+                "where": one.cell.words,
+                "share": one.share,
+                "failure": one.rate.failure,
+            }
+            for own, one in tree.all_branches()
         ],
     }
     lines = list(chain.from_iterable(map(_in_columns, branch_lines(run.plan, run.scene.frame))))

@@ -23,6 +23,7 @@ from pareto_ltl.support.reading import read_json, read_text
 from pareto_ltl_apps.exports.kinds import format_names
 from pareto_ltl_apps.flight.rest_of_flight import issued
 from pareto_ltl_apps.view.limits import PlanLimits, chosen_number
+from pareto_ltl_apps.view.page.content import shown_tree
 from pareto_ltl_apps.view.page.ground import map_places, rounded, shown_wind
 from pareto_ltl_apps.view.page.points import flown_path, shown_flights, shown_path, shown_points
 from pareto_ltl_apps.view.records import ShownRun
@@ -97,12 +98,22 @@ def point_view(directory: Path, number: int) -> dict[str, Any]:
         "point": number,
         "chosen": number == chosen,
         **shown_path(run, run.problem, path, flown),
+        "tree": _tree(run, number, chosen),
         "limits": PlanLimits(run.scene, run.plan, run.medium).tables()
         if run.plan is not None and number == chosen
         else None,
         "causes": list(Deployment.CAUSES),
         "flights": shown_flights(run.scene, run.problem, flown, FLIGHTS),
     }
+
+
+def _tree(run: ShownRun, number: int, chosen: int | None) -> dict[str, Any] | None:
+    """The branches of the plan, if point ``number`` is the plan or was bent to it; else None."""
+    plan = run.plan
+    if plan is None or plan.branching is None:
+        return None
+    own = plan.branching.point if chosen is None else chosen
+    return shown_tree(run.scene, plan) if number == own else None
 
 
 @one_at_a_time

@@ -1,15 +1,15 @@
 -- The branch of a satellite fix, by its distances along the planned track and to its left; nil without a fix.
-local function measured_branch()
+local function measured_branch(node)
     if gps:status(0) < FIX_3D then
         return nil
     end
     local place = Location()
-    place:lat(FIX.lat)
-    place:lng(FIX.lng)
-    local off, track = place:get_distance_NE(gps:location(0)), math.rad(FIX.track)
+    place:lat(node.fix.lat)
+    place:lng(node.fix.lng)
+    local off, track = place:get_distance_NE(gps:location(0)), math.rad(node.fix.track)
     local along = off:x() * math.cos(track) + off:y() * math.sin(track)
     local left = off:x() * math.sin(track) - off:y() * math.cos(track)
-    for number, one in ipairs(BRANCHES) do
+    for number, one in ipairs(node.branches) do
         if along >= one.along[1] and along < one.along[2] and left >= one.left[1] and left < one.left[2] then
             return number
         end
@@ -17,17 +17,18 @@ local function measured_branch()
     return nil
 end
 
-local chosen = false
+local here, level = ROOT, 1 -- the next fix, and its number
 
 local function choose(time)
-    if chosen or time < FIX.t or time > FIX.last then
+    if here.fix == nil or time < here.fix.t or time > here.fix.last then
         return
     end
-    local asked = math.floor(param:get("SCR_USER1") or 0)
-    local number = BRANCHES[asked] and asked or measured_branch()
+    local asked = math.floor(param:get("SCR_USER" .. level) or 0)
+    local number = here.branches[asked] and asked or measured_branch(here)
     if number ~= nil then
-        chosen, LEGS, END, leg = true, BRANCHES[number].legs, BRANCHES[number].t_end, 0
-        say(INFO, "branch " .. BRANCHES[number].name)
+        here, level = here.branches[number], level + 1
+        LEGS, END, leg = here.legs, here.t_end, 0
+        say(INFO, "branch " .. here.name)
     end
 end
 

@@ -1,8 +1,9 @@
 """Files of a plan that branches: a table for each branch, and cards to print.
 
 ``branch_A.csv`` and so on have the columns of ``dead_reckoning.csv``, ``branch_A_card.csv`` the columns of
-``flight_card.csv``, both from the fix on. ``branch_cards.html`` is for people: its first page asks where the
-measured position lies, with a map to plot it on, and each branch has a page.
+``flight_card.csv``, both from the fix on; after a second fix branch A goes on as A1, A2, .... In
+``branch_cards.html``, for people, a page for each fix asks where the measured position lies, with a map to
+plot it on, and each branch has a page.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from pareto_ltl.extend import Branch, Branching, FlownAir, Frame, Plan, Problem, plan_on_branch
+from pareto_ltl.extend import Branch, Branching, FlownAir, Frame, Plan, Problem, plans_on_branches
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text, rate_text
 from pareto_ltl_apps.exports.navigation_log import SHARE, NavigationLog, navigation_log
@@ -28,34 +29,50 @@ COLORS = ("#2a78b5", "#c96f12", "#2f8f4e", "#8a4fa3")  # of the branches, also a
 
 @dataclass(frozen=True, slots=True)
 class ExportedBranch:
-    """A branch and its navigation log, whose legs count from the departure of the plan."""
+    """A branch and its navigation log.
+
+    Attributes
+    ----------
+    branch : Branch
+    tree : Branching
+        The fix that selects the branch, with its other branches.
+    log : NavigationLog
+        From the fix on; legs count from the departure of the plan.
+    plan, on_it : Plan
+        What is flown without the fix, and with this branch, from the departure on.
+    """
 
     branch: Branch
+    tree: Branching
     log: NavigationLog
-    first: int
+    plan: Plan
+    on_it: Plan
 
     @property
     def name(self) -> str:
-        """A, B, C or D."""
+        """A, B, C or D; after a second fix A1, A2, ..."""
         return self.branch.name
+
+    @property
+    def first(self) -> int:
+        """The step of the fix."""
+        return self.tree.fix.step
 
 
 def exported_branches(problem: Problem, plan: Plan, air: FlownAir | None) -> tuple[ExportedBranch, ...]:
-    """The branches of ``plan`` with their logs; none if it has none."""
-    tree = plan.branching
-    if tree is None:
-        return ()
-    return tuple(
-        ExportedBranch(branch, _log_from(problem, plan, branch, air), tree.fix.step)
-        for branch in tree.branches
-    )
+    """The branches of ``plan`` with their logs, A, A1, A2, B, ...; none if it has none."""
+    found = []
+    for before, branch, on_it in plans_on_branches(plan):
+        tree = before.branching
+        assert tree is not None
+        log = _log_from(problem, on_it, tree.fix.step, air)
+        found.append(ExportedBranch(branch, tree, log, before, on_it))
+    return tuple(found)
 
 
-def _log_from(problem: Problem, plan: Plan, branch: Branch, air: FlownAir | None) -> NavigationLog:
-    """The log of ``branch`` from the fix on: winds are those that the flights of its cell expect."""
-    assert plan.branching is not None
-    step = plan.branching.fix.step
-    log = navigation_log(problem, plan_on_branch(plan, branch).path, air)
+def _log_from(problem: Problem, on_it: Plan, step: int, air: FlownAir | None) -> NavigationLog:
+    """The log of a branch from its fix on: winds are those that the flights of its cell expect."""
+    log = navigation_log(problem, on_it.path, air)
     cut = {
         field.name: getattr(log, field.name)[step:]
         for field in fields(NavigationLog)
@@ -64,15 +81,18 @@ def _log_from(problem: Problem, plan: Plan, branch: Branch, air: FlownAir | None
     return replace(log, **cut, fixes=())
 
 
-def branch_sentences(tree: Branching, moment: str) -> Iterator[str]:
-    """Sentences for people: when the plan branches, what then, and how often it fails with its branches."""
-    names = ", ".join(branch.name for branch in tree.branches[:-1])
-    yield (
-        f"At {moment} a position fix selects one of the branches {names} and {tree.branches[-1].name}; "
-        "without it, the plan goes on."
-    )
-    for branch in tree.branches:
-        yield f"Branch {branch.name}: the measured position is {branch.cell.words}."
+def branch_sentences(
+    tree: Branching, log: NavigationLog, branches: Sequence[ExportedBranch]
+) -> Iterator[str]:
+    """Sentences for people: when the plan branches, what then, and how often it fails with its branches.
+
+    ``log`` is the one of the plan that is flown without a fix.
+    """
+    yield from _selected(tree, _moment(log, tree.fix.step), "At", "the plan")
+    for one in branches:
+        if (then := one.branch.then) is not None:
+            when = _moment(one.log, then.fix.step - one.first)
+            yield from _selected(then, when, f"On branch {one.name}, at", f"branch {one.name}")
     rate = tree.rate
     yield (
         f"Of {rate.sample} with these branches, {rate_text(rate.failure, rate.low, rate.high)} fail; of the "
@@ -80,10 +100,49 @@ def branch_sentences(tree: Branching, moment: str) -> Iterator[str]:
     )
 
 
+def _moment(log: NavigationLog, k: int) -> str:
+    return log.time_utc(k) or f"{log.t[k]:g} s"
+
+
+def _selected(tree: Branching, moment: str, begin: str, what: str) -> Iterator[str]:
+    """What a fix selects, and the cell of each branch; ``what`` goes on without it."""
+    names = ", ".join(branch.name for branch in tree.branches[:-1])
+    yield (
+        f"{begin} {moment} a position fix selects one of the branches {names} and {tree.branches[-1].name}; "
+        f"without it, {what} goes on."
+    )
+    for branch in tree.branches:
+        yield f"Branch {branch.name}: the measured position is {branch.cell.words}."
+
+
 def branch_lines(plan: Plan, frame: Frame) -> Iterator[str]:
-    """Lines for the terminal: the question, the answers, and what each number of branches would give."""
+    """Lines for the terminal: the questions, the answers, and what each number of branches would give."""
     tree = plan.branching
     assert tree is not None
+    yield from _question_lines(plan, tree, frame, "the plan")
+    for _, branch, on_it in plans_on_branches(plan):
+        if on_it.branching is not None:
+            yield f"branch {branch.name} branches again:"
+            yield from _question_lines(on_it, on_it.branching, frame, f"branch {branch.name}")
+    yield (
+        f"fails {rate_text(tree.rate.failure, tree.rate.low, tree.rate.high)} with branches, "
+        f"{rate_text(tree.alone.failure, tree.alone.low, tree.alone.high)} without"
+    )
+    if tree.bent is not None:
+        middle, low, high = (100.0 * part for part in tree.bent)
+        yield (
+            f"the plan is bent for its branches: {middle:+.1f} points of failures ({low:+.1f} to "
+            f"{high:+.1f}) against the same search without the bend"
+        )
+    parts = [
+        f"{row.leaves}{' after two fixes' * (row.fixes > 1)}: {probability_text(row.rate.failure)}"
+        for row in tree.front
+    ]
+    yield f"by number of branches, in the flights of the search: {', '.join(parts)}"
+
+
+def _question_lines(plan: Plan, tree: Branching, frame: Frame, what: str) -> Iterator[str]:
+    """When to measure, and what to fly then; without it ``what`` goes on."""
     fix, utc = tree.fix, frame.utc(plan.path.t)
     where = f"{fix.place[0]:.0f}, {fix.place[1]:.0f} m" if frame.crs is None else _place(frame, fix.place)
     bearing = "" if frame.crs is None else f", planned track {track_bearing(frame, tree):.0f}° true"
@@ -98,13 +157,7 @@ def branch_lines(plan: Plan, frame: Frame) -> Iterator[str]:
             f"{branch.name}.csv; order {branch.path.order or '-'}; "
             f"{probability_text(rate.failure)} of them fail"
         )
-    yield f"no fix ({100 * (1 - fix.available):.0f} % expected): the plan goes on"
-    yield (
-        f"fails {rate_text(tree.rate.failure, tree.rate.low, tree.rate.high)} with branches, "
-        f"{rate_text(tree.alone.failure, tree.alone.low, tree.alone.high)} without"
-    )
-    parts = [f"{row.leaves}: {probability_text(row.rate.failure)}" for row in tree.front]
-    yield f"by number of branches, in the flights of the search: {', '.join(parts)}"
+    yield f"no fix ({100 * (1 - fix.available):.0f} % expected): {what} goes on"
 
 
 # --- lines on a map --------------------------------------------------------------------------------
@@ -169,10 +222,17 @@ th { border-bottom: 2px solid #111; font-weight: 600; } th:first-child, td:first
 
 
 def branch_cards(name: str, plan: Plan, frame: Frame, branches: Sequence[ExportedBranch]) -> bytes:
-    """``branch_cards.html``: the question with its map, then a page for each branch."""
+    """``branch_cards.html``: the question with its map, a page for each branch, and its second question."""
     tree = plan.branching
     assert tree is not None
-    pages = [_question(name, plan, tree, frame, branches), *(_table(plan, one) for one in branches)]
+    pages = [_question(name, plan, tree, frame, [one for one in branches if one.tree is tree])]
+    for one in branches:
+        pages.append(_table(one))
+        if (then := one.branch.then) is not None:
+            title = f"{name}, on table {one.name}"
+            pages.append(
+                _question(title, one.on_it, then, frame, [b for b in branches if b.tree is then], one.name)
+            )
     body = "\n".join(f"<section>\n{page}\n</section>" for page in pages)
     title = html.escape(f"{name}: branches")
     return (
@@ -198,8 +258,9 @@ def degrees(lat: float, lon: float) -> str:
 
 
 def _question(
-    name: str, plan: Plan, tree: Branching, frame: Frame, branches: Sequence[ExportedBranch]
+    name: str, plan: Plan, tree: Branching, frame: Frame, branches: Sequence[ExportedBranch], table: str = ""
 ) -> str:
+    """The page of a fix; it is taken on ``table``, or on the flight card of the plan."""
     fix, log = tree.fix, branches[0].log
     lon, lat = (float(part[0]) for part in frame.to_geographic(fix.place[None]))
     when = clock(fix.step * plan.dt) + " after departure" + (f" ({log.utc[0]})" if log.utc else "")
@@ -215,10 +276,12 @@ def _question(
     )
     rate, alone = tree.rate, tree.alone
     landmark = " inside the landmark" if fix.landmark is not None else ""
-    return f"""<h1>{html.escape(name)}: which table to fly</h1>
+    without = f"table {table}" if table else "the flight card of the plan"
+    flights = f"{rate.runs:,} flights that flew table {table} and then" if table else f"{rate.sample} with"
+    return f"""<h1>{html.escape(name)}: which table to fly{" next" * bool(table)}</h1>
 <p><b>{when}</b>, measure the position{landmark} (standard deviation {distance_text(fix.sd)}).
 <b>Where is it?</b> Plot it on the map, and fly from then on the table of the letter that it lies on.
-No position: go on with the flight card of the plan.</p>
+No position: go on with {without}.</p>
 <table class="answers"><tr><th>table</th><th>the measured position is</th><th>how often</th></tr>
 {rows}</table>
 {_map(tree, plan, frame, reach)}
@@ -227,7 +290,7 @@ No position: go on with the flight card of the plan.</p>
 The dashed ellipse holds 95 % of the measured positions. A position far outside of the map is out of what
 the plan expects: check it before you use it.</p>
 <table class="answers"><tr><th>line</th><th>from</th><th>to</th></tr>{lines}</table>
-<p class="note">Of {rate.sample} with these tables, {rate_text(rate.failure, rate.low, rate.high)} fail;
+<p class="note">Of {flights} these tables, {rate_text(rate.failure, rate.low, rate.high)} fail;
 of the same flights without the fix, {rate_text(alone.failure, alone.low, alone.high)}.</p>"""
 
 
@@ -236,12 +299,18 @@ def _place(frame: Frame, point: FloatArray) -> str:
     return f"{lat:.4f}, {lon:.4f}"
 
 
-def _table(plan: Plan, one: ExportedBranch) -> str:
-    tree, log, branch = plan.branching, one.log, one.branch
-    assert tree is not None
-    calibrated = plan.air is not None
+def _table(one: ExportedBranch) -> str:
+    """The page of a branch; the leg at which it branches again begins with a line that says so."""
+    tree, log, branch, plan = one.tree, one.log, one.branch, one.plan
+    calibrated, then = plan.air is not None, branch.then
     rows = []
     for k in range(log.legs):
+        if then is not None and one.first + k == then.fix.step:
+            names = ", ".join(other.name for other in then.branches)
+            rows.append(
+                '<tr><td colspan="9"><b>measure the position: the next page says which of the tables '
+                f"{names} to fly. No position: go on here.</b></td></tr>"
+            )
         speed = log.calibrated[k] if calibrated else log.airspeed[k]
         heading = "" if math.isnan(log.heading[k]) else f"{round(log.heading[k]) % 360:03d}°"
         utc = "" if log.utc is None else f"<td>{log.utc[k][11:19]}</td>"

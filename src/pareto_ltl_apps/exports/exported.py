@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from numpy.random import SeedSequence
 
 from pareto_ltl import Scene, Settings
-from pareto_ltl.extend import FailureRate, FlownAir, Height, Plan, PlannedPath, Problem, simulate_flights
+from pareto_ltl.extend import (
+    Branching,
+    FailureRate,
+    FlownAir,
+    Height,
+    Plan,
+    PlannedPath,
+    Problem,
+    simulate_flights,
+)
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import listed_text, rate_text
 from pareto_ltl.support.medium import Medium
@@ -102,6 +112,12 @@ class ExportedPlan:
         )
         return f"by heading and {self.medium.speed}{fixes}{feedback}"
 
+    def questions(self) -> Iterator[tuple[Branching, Plan]]:
+        """Each fix at which the plan branches, with the plan that is flown without it."""
+        if (tree := self.plan.branching) is not None:
+            yield tree, self.plan
+        yield from ((one.branch.then, one.on_it) for one in self.branches if one.branch.then is not None)
+
     def sentences(self) -> tuple[str, ...]:
         """Sentences for every format that holds text: mission, failure rates, what they do not cover."""
         plan, promise, flows = self.plan, self.plan.promise, self.medium.flows
@@ -116,9 +132,7 @@ class ExportedPlan:
             if promise.rate.failure < promise.floor:
                 reported.append(f"Promised: {promise.fails}.")
         if (tree := plan.branching) is not None:
-            reported += branch_sentences(
-                tree, self.log.time_utc(tree.fix.step) or f"{self.log.t[tree.fix.step]:g} s"
-            )
+            reported += branch_sentences(tree, self.log, self.branches)
         pilot = f"by an autopilot that knows and holds the positions (robot.feedback_time={HELD_TIME:g})"
         reported.append(f"{Plan.NO_PROMISE.capitalize()}." if self.held is None else fails(self.held, pilot))
         if self.log.swing > 0.0:

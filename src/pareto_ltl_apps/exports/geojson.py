@@ -66,19 +66,17 @@ def _position(exported: ExportedPlan, k: int) -> Feature:
 
 
 def _branch_features(exported: ExportedPlan) -> list[Feature]:
-    """The route of each branch, and the lines between the cells."""
-    tree, crs = exported.plan.branching, exported.crs
-    if tree is None:
-        return []
-    found = []
+    """The route of each branch, and the lines between the cells of each fix."""
+    crs, found = exported.crs, []
     for one in exported.branches:
         about = {
             "role": "branch", "name": one.name, "where": one.branch.cell.words, "share": one.branch.share,
             "order": one.branch.path.order, "t_s": one.log.t[0], "time_utc": one.log.time_utc(0),
         }  # fmt: skip
         found.append(_line(crs, one.log.x, about))
-    for what, ends in dividing_lines(tree, reach_of(tree, exported.plan)):
-        found.append(_line(crs, ends, {"role": "branch line", "name": what}))
+    for tree, plan in exported.questions():
+        for what, ends in dividing_lines(tree, reach_of(tree, plan)):
+            found.append(_line(crs, ends, {"role": "branch line", "name": what}))
     return found
 
 

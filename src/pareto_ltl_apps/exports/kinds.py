@@ -72,7 +72,9 @@ FORMATS = {
     "netcdf": _ours("trajectory.nc", "tables:trajectory_netcdf", timed=True),
     "f3548": _ours("operational_intent.json", "geojson:operational_intent", timed=True),
 }
-BRANCH_FILES = ("branch_?.csv", "branch_?_card.csv", "branch_cards.html")  # of plans that branch
+BRANCH_FILES = (  # of plans that branch, the second pair after a second fix
+    "branch_?.csv", "branch_?_card.csv", "branch_??.csv", "branch_??_card.csv", "branch_cards.html",
+)  # fmt: skip
 
 
 def format_names() -> tuple[str, ...]:

@@ -9,10 +9,11 @@ without a companion computer.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from typing import Any
 
+from pareto_ltl.extend import Branching
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import plain_data
@@ -184,34 +185,49 @@ def _lua_legs(log: NavigationLog, airspeed: FloatArray, indent: str = "    ") ->
 
 
 def _lua_branches(exported: ExportedPlan) -> dict[str, str]:
-    """What the script needs to branch: cells, the table of each, the choice; empty without branches."""
+    """What the script needs to branch: the tree of its tables, the choice; empty without branches."""
     tree = exported.plan.branching
     if tree is None:
         return dict.fromkeys(("@BRANCHES@", "@CHOOSER@", "@CHOOSE@", "@RESET@"), "")
-    frame, fix, tables = exported.scene.frame, tree.fix, []
+    return {
+        "@BRANCHES@": "\n"
+        + _filled("branches.lua", {"@TREE@": "\n".join(_lua_tree(exported, tree, "    "))}),
+        "@CHOOSER@": _filled("branch_choice.lua", {}),
+        "@CHOOSE@": "    choose(time)\n",
+        "@RESET@": "        here, level, LEGS, END = ROOT, 1, PLAN, PLAN_END\n",
+    }
+
+
+def _lua_tree(exported: ExportedPlan, tree: Branching, indent: str) -> Iterator[str]:
+    """Fix and branches of ``tree`` as entries of a table of Lua; a branch that branches again has its own."""
+    frame, fix, dt = exported.scene.frame, tree.fix, exported.plan.dt
+    lon, lat = (float(part[0]) for part in frame.to_geographic(fix.place[None]))
+    moment = fix.step * dt
+    yield (
+        f"{indent}fix = {{ t = {_number(moment)}, last = {_number(moment + 0.5 * dt)}, "
+        f"lat = {round(lat * DEGREE)}, lng = {round(lon * DEGREE)}, "
+        f"track = {_number(track_bearing(frame, tree))} }},"
+    )
+    yield f"{indent}branches = {{"
+    inside = indent + "    "
     for one in exported.branches:
+        if one.tree is not tree:
+            continue
         cell = one.branch.cell
         airspeed = one.log.airspeed if exported.air is None else one.log.calibrated
         along, left = (", ".join(map(_end_text, ends)) for ends in (cell.along, cell.left))
-        tables += [
-            f'    {{ name = "{one.name}", along = {{ {along} }}, left = {{ {left} }}, '
-            f"t_end = {_number(one.log.t[-1])}, legs = {{",
-            *_lua_legs(one.log, airspeed, "        "),
-            "    } },",
-        ]
-    lon, lat = (float(part[0]) for part in frame.to_geographic(fix.place[None]))
-    moment = fix.step * exported.plan.dt
-    values = {
-        "@T@": _number(moment), "@LAST@": _number(moment + 0.5 * exported.plan.dt),
-        "@PLACE_LAT@": str(round(lat * DEGREE)), "@PLACE_LON@": str(round(lon * DEGREE)),
-        "@TRACK@": _number(track_bearing(frame, tree)), "@TABLES@": "\n".join(tables),
-    }  # fmt: skip
-    return {
-        "@BRANCHES@": "\n" + _filled("branches.lua", values),
-        "@CHOOSER@": _filled("branch_choice.lua", {}),
-        "@CHOOSE@": "    choose(time)\n",
-        "@RESET@": "        chosen, LEGS, END = false, PLAN, PLAN_END\n",
-    }
+        yield f"{inside}{{"
+        yield (
+            f'{inside}    name = "{one.name}", along = {{ {along} }}, left = {{ {left} }}, '
+            f"t_end = {_number(one.log.t[-1])},"
+        )
+        yield f"{inside}    legs = {{"
+        yield from _lua_legs(one.log, airspeed, inside + "        ")
+        yield f"{inside}    }},"
+        if one.branch.then is not None:
+            yield from _lua_tree(exported, one.branch.then, inside + "    ")
+        yield f"{inside}}},"
+    yield f"{indent}}},"
 
 
 def _end_text(end: float) -> str:

@@ -85,8 +85,8 @@ def plan_kml(exported: ExportedPlan) -> bytes:
 
 def _branches(exported: ExportedPlan) -> Iterator[Xml.Element]:
     """A folder with the route of each branch and the lines between the cells; none without branches."""
-    tree, crs = exported.plan.branching, exported.crs
-    if tree is None:
+    crs = exported.crs
+    if not exported.branches:
         return
 
     def line(points: FloatArray) -> Xml.Element:
@@ -101,7 +101,8 @@ def _branches(exported: ExportedPlan) -> Iterator[Xml.Element]:
     ]
     between = [
         placemark(f"line {what}", "border", line(ends))
-        for what, ends in dividing_lines(tree, reach_of(tree, exported.plan))
+        for tree, plan in exported.questions()
+        for what, ends in dividing_lines(tree, reach_of(tree, plan))
     ]
     yield element("Folder", element("name", "branches"), *routes, *between)
 

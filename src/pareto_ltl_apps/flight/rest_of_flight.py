@@ -150,7 +150,7 @@ def settings_from(run: Run, scene: Scene, situation: Situation) -> Settings:
     assert situation.learnt is not None
     return replace(
         settings,
-        branch=replace(settings.branch, leaves=1),
+        branch=replace(settings.branch, leaves=1, fixes=1),
         mission=MissionConfig(start_time=scene.time_zero, automaton=AUTOMATON_FILE),
         selection=rule_of_the_rest(settings.selection, run.plan.path, situation.step),
         robot=replace(

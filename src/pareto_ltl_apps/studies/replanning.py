@@ -55,7 +55,7 @@ TEST_STREAM, LATER = "replan test", "later"  # of flights in later fields: rando
 AS_PLANNED, HELD = "as planned", "position always known"
 RESAMPLED = 10_000  # times, for the interval of a part
 BRANCHES = " branches"  # end of the name of a way
-AT_THE_BRANCH = "a new plan at that fix"
+AT_THE_BRANCH = "new plans at the same fixes"
 NO_FIXES, BY_CHANCE = "no fixes", "fixes by chance"
 EFFORT = (PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES)
 
@@ -148,9 +148,10 @@ def ways_of(cfg: ReplanningConfig, run: Run) -> tuple[Way, ...]:
     known = [] if run.problem.motion.gain > 0.0 else [Way(HELD, path, always_known)]
     ways = [Way(AS_PLANNED, path), *known]
     if (tree := plan.branching) is not None:
+        fixes = tuple(sorted({own.fix.step for own, _ in tree.all_branches()}))
         ways += [
-            Way(f"{len(tree.branches)}{BRANCHES}", path, branching=tree),
-            Way(AT_THE_BRANCH, path, fixes=(tree.fix.step,)),
+            Way(f"{len(list(tree.ends()))}{BRANCHES}", path, branching=tree),
+            Way(AT_THE_BRANCH, path, fixes=fixes),
         ]
     ways += [Way(name, path, fixes=own) for name, own in sets.items()]
     if cfg.forecasts is not None:
@@ -241,16 +242,20 @@ def replanned_controls(
 def branch_controls(
     context: ReplanningContext, way: Way, tree: Branching, wind: DrawnFlights, number: int
 ) -> tuple[FloatArray, FloatArray, int]:
-    """As :func:`replanned_controls`, of a plan that branches: its fix has the error of a new plan's."""
-    u, x, fix = way.path.u, way.path.x, tree.fix
-    there = way.pilot(wind, u, x)[:, fix.step]
-    rng = stream_at(context.run.settings, FIXES, number, fix.step)
-    y = there + fix.sd * rng.standard_normal(2)
-    if not bool(fix.inside(there)[0]) or rng.random() >= fix.available:
-        return u, x, 0
-    rest = tree.branches[int(tree.chosen(y)[0])].path
-    k = fix.step
-    return np.concatenate([u[:k], rest.u]), np.concatenate([x[:k], rest.x]), 1
+    """As :func:`replanned_controls`, of a plan that branches: its fixes have the errors of a new plan's."""
+    u, x, taken = way.path.u, way.path.x, 0
+    then: Branching | None = tree
+    while then is not None:
+        fix, k = then.fix, then.fix.step
+        there = way.pilot(wind, u, x)[:, k]
+        rng = stream_at(context.run.settings, FIXES, number, k)
+        y = there + fix.sd * rng.standard_normal(2)
+        if not bool(fix.inside(there)[0]) or rng.random() >= fix.available:
+            break
+        branch = then.branches[int(then.chosen(y)[0])]
+        u, x = np.concatenate([u[:k], branch.path.u]), np.concatenate([x[:k], branch.path.x])
+        taken, then = taken + 1, branch.then
+    return u, x, taken
 
 
 def stream_at(settings: Settings, stream: str, number: int, step: int) -> Generator:
@@ -369,8 +374,8 @@ def replanning_study(flown: Mapping[str, Sequence[Mapping[str, Any]]], law: str,
         if math.isfinite(share[0]):
             middle, low, high = (f"{100 * part:.0f}" for part in share)
             text += (
-                f"\nOf what a new plan at the fix saves, {branched} save {middle} % (95 %, of {RESAMPLED:,} "
-                f"resamplings of the flights: {low} to {high} %).\n"
+                f"\nOf what new plans at the same fixes save, {branched} save {middle} % (95 %, of "
+                f"{RESAMPLED:,} resamplings of the flights: {low} to {high} %).\n"
             )
     return Study({"replanning": rows, "replanning_flights": each}, numbers, text)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -211,6 +212,20 @@ def _flight_keys(cfg: ReportConfig, run: DrawnRun) -> list[Artist]:
     return keys
 
 
+def _branch_keys(plan: Plan) -> list[Artist]:
+    """Entries of the legend: the fix, each of its branches with its share, those after a second fix."""
+    if (tree := plan.branching) is None:
+        return []
+    mark: dict[str, Any] = {"mec": style.BLACK, "mew": 0.6, "ms": 4.0}
+    keys: list[Artist] = [Line2D([], [], color=style.ORANGE, marker="D", ls="", label="position fix", **mark)]
+    for branch in tree.branches:
+        text = f"branch {branch.name}, {100 * branch.share:.0f} %"
+        keys.append(Line2D([], [], color=map_layers.branch_colour(branch.name), lw=1.1, label=text))
+    if tree.fixes > 1:
+        keys.append(Line2D([], [], color=style.STONE, lw=1.1, ls=(0, (1, 1.2)), label="after a second fix"))
+    return keys
+
+
 def _map_keys(cfg: ReportConfig, run: DrawnRun) -> list[Artist]:
     """Entries of the legend for everything else on the map."""
     start = Line2D([], [], label="start", **map_layers.START_LOOK)
@@ -223,6 +238,7 @@ def _map_keys(cfg: ReportConfig, run: DrawnRun) -> list[Artist]:
             start,
             Line2D([], [], label="end", **map_layers.END_LOOK),
         ]
+        keys += _branch_keys(run.plan)
     keys += ground_keys(run.scene)
     if (forest := _shown_forest(cfg, run)) is not None:
         total = sum(map(len, forest.trees))

@@ -19,6 +19,7 @@ from pareto_ltl.extend import Decomposition, Deployment, Forest, Plan, Window
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import in_kilometres
 from pareto_ltl.support.times import hours_text
+from pareto_ltl_apps.exports.branches import COLORS
 from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.lattice import oldest_edges
@@ -218,14 +219,22 @@ def draw_mean_path(chart: Axes, x: FloatArray) -> None:
 
 
 def draw_branches(chart: Axes, plan: Plan) -> None:
-    """The expected positions of each branch as a dashed line, and a diamond at its fix."""
-    tree = plan.branching
-    if tree is None:
+    """The expected positions of each branch in its colour, its letter at the end, a diamond at each fix.
+
+    What is flown after a second fix has the colour of the branch that it belongs to, in dots.
+    """
+    if plan.branching is None:
         return
-    look: dict[str, Any] = {"path_effects": style.white_halo(1.6)}
-    for branch in tree.branches:
-        chart.plot(*branch.path.x.T, color=style.ORANGE, lw=0.9, ls=(0, (4, 1.5)), zorder=5.9, **look)
-    chart.plot(*tree.fix.place, "D", color=style.ORANGE, mec=style.BLACK, mew=0.6, ms=4.5, zorder=9.4)
+    look: dict[str, Any] = {"path_effects": style.white_halo(1.6), "zorder": 5.9}
+    for tree, branch in plan.branching.all_branches():
+        x, again = branch.path.x, len(branch.name) > 1
+        chart.plot(*x.T, color=branch_colour(branch.name), lw=1.1, ls=(0, (1, 1.2)) if again else "-", **look)
+        chart.plot(*tree.fix.place, "D", color=style.ORANGE, mec=style.BLACK, mew=0.6, ms=4.0, zorder=9.4)
+
+
+def branch_colour(name: str) -> str:
+    """The colour of a branch and of the branches of it: the one of the card."""
+    return COLORS["ABCD".index(name[0])]
 
 
 def draw_endpoints(chart: Axes, scene: Scene, plan: Plan | None) -> None:

@@ -32,40 +32,70 @@ SPREAD = 6.0  # standard errors that a share may be off
 STILL, TURNED = 1e-3, 0.01  # airspeed [m/s] below which there is no heading; its largest error [deg]
 
 
-class Tree(NamedTuple):
-    """The branches of ``plan.json``: step of the fix, axes (2, 2), cells (4,) each: along, left."""
+class Node(NamedTuple):
+    """A fix of ``plan.json`` with its branches.
+
+    Step of the fix, axes (2, 2), cells (4,) each: along, left; the controls (T, 2) and the expected positions
+    (T+1, 2) [m] of the flights that come to it, from the departure on; the fixes before with the number of
+    the branch that was taken at each.
+    """
 
     stated: dict[str, Any]
     step: int
     axes: FloatArray
     boxes: FloatArray
+    u: FloatArray
+    x: FloatArray
+    before: tuple[tuple[Node, int], ...]
 
     @property
     def rows(self) -> list[dict[str, Any]]:
         """What is stated of each branch."""
         return list(self.stated["branches"])
 
+    @property
+    def title(self) -> str:
+        """What the fix is called in findings: two fixes may be at the same step."""
+        if not self.before:
+            return "first fix"
+        parent, number = self.before[-1]
+        return f"fix of branch {parent.rows[number]['name']}"
+
+    @property
+    def fix(self) -> dict[str, Any]:
+        """What is stated of the fix."""
+        return dict(self.stated["fix"])
+
     def number(self, y: FloatArray) -> IntArray:
         """The branch of each position ``y`` (n, 2) [m]; -1 in no cell, -2 in several."""
-        along, left = ((y - np.array(self.stated["fix"]["place"])) @ self.axes.T).T
+        along, left = ((y - np.array(self.fix["place"])) @ self.axes.T).T
         held = np.stack([(a <= along) & (along < b) & (c <= left) & (left < d) for a, b, c, d in self.boxes])
         count = held.sum(axis=0)
         return np.where(count == 1, held.argmax(axis=0), np.where(count == 0, -1, -2))
 
     def taken(self, x: FloatArray, luck: FloatArray) -> BoolArray:
         """Which robots at ``x`` (n, 2) [m] take the fix, by their ``luck`` (n,), uniform in [0, 1)."""
-        fix = self.stated["fix"]
-        able = luck < fix["available"]
-        if fix["landmark"] is None:
+        able = luck < self.fix["available"]
+        if self.fix["landmark"] is None:
             return np.asarray(able, bool)
-        return np.asarray(able & (deepest([convex(fix["landmark"])], x) >= -ON_EDGE), bool)
+        return np.asarray(able & (deepest([convex(self.fix["landmark"])], x) >= -ON_EDGE), bool)
+
+    def on(self, row: dict[str, Any]) -> FloatArray:
+        """The controls (T, 2) of a branch, from the departure on."""
+        return np.vstack([self.u[: self.step], np.array(row["u"], float)])
+
+    def after(self, number: int) -> Node | None:
+        """The second fix on branch ``number``; None if it has none."""
+        row = self.rows[number]
+        if "branches" not in row:
+            return None
+        x = np.vstack([self.x[: self.step], np.array(row["x"], float)])
+        return _node(row["branches"], self.on(row), x, (*self.before, (self, number)))
 
 
-def tree_of(result: Evidence) -> Tree | None:
-    """The branches; None if the plan has none."""
-    stated = result.plan.get("branches")
-    if stated is None:
-        return None
+def _node(
+    stated: dict[str, Any], u: FloatArray, x: FloatArray, before: tuple[tuple[Node, int], ...] = ()
+) -> Node:
     east, north = stated["fix"]["ahead"]
     boxes = [
         [-math.inf if low is None else low, math.inf if high is None else high]
@@ -73,67 +103,98 @@ def tree_of(result: Evidence) -> Tree | None:
         for low, high in (row["along"], row["left"])
     ]
     axes = np.array([[east, north], [-north, east]])
-    return Tree(stated, stated["fix"]["step"], axes, np.array(boxes, float).reshape(-1, 4))
+    return Node(stated, stated["fix"]["step"], axes, np.array(boxes, float).reshape(-1, 4), u, x, before)
+
+
+def nodes_of(result: Evidence) -> list[Node]:
+    """The fixes at which the plan branches, the first one first; none if the plan has no branches."""
+    stated = result.plan.get("branches")
+    if stated is None:
+        return []
+    nodes = [_node(stated, result.u, result.x)]
+    for node in nodes:  # grows on the way
+        nodes += filter(None, map(node.after, range(len(node.rows))))
+    return nodes
+
+
+def _letters(node: Node) -> list[str]:
+    """The names of the branches of a fix."""
+    if not node.before:
+        return list("ABCD"[: len(node.rows)])
+    parent, number = node.before[-1]
+    return [f"{parent.rows[number]['name']}{k}" for k in range(1, len(node.rows) + 1)]
 
 
 def where(result: Evidence) -> Verdict | None:
-    """The fix is at a time of branch.at or in a landmark, at the planned position, along the track."""
-    tree = tree_of(result)
-    if tree is None:
+    """Fixes are at times of branch.at or in landmarks, at the planned position, along the track."""
+    if not (nodes := nodes_of(result)):
         return None
-    cfg, fix, x, k = result.settings["branch"], tree.stated["fix"], result.x, tree.step
-    if not 1 <= k < len(result.u):
-        return Verdict(f"step {k}", "not within the plan", False)
+    faults = dict[str, Any]()
+    for node in nodes:
+        faults |= _where_faults(result, node)
+    return no_fault(f"{len(nodes)} fixes", faults)
+
+
+def _where_faults(result: Evidence, node: Node) -> dict[str, Any]:
+    cfg, fix, x, k = result.settings["branch"], node.fix, node.x, node.step
+    name = node.title
+    first = node.before[-1][0].step + 1 if node.before else 1
+    if not first <= k < len(node.u):
+        return {f"{name}: step {k} is not within the plan": True}
     ahead = x[k] - x[k - 1]
     marks = result.scene.get("landmarks") or []
     at_times = bool(cfg["at"])
     sd = cfg["fix_sd"] if at_times else result.robot.fix_sd
     steps = [round(3600.0 * hours / result.robot.dt) for hours in cfg["at"]]
-    faults = {
-        f"{len(tree.rows)} branches": not 2 <= len(tree.rows) <= cfg["leaves"],
-        f"step {k} is at no time of branch.at": at_times and k not in steps,
-        "the outline is no landmark": not at_times and fix["landmark"] not in marks,
-        "a landmark although branch.at is set": at_times and fix["landmark"] is not None,
-        "place": not np.allclose(fix["place"], x[k], atol=1e-6 + result.grain),
-        "direction": not np.allclose(fix["ahead"], ahead / max(np.hypot(*ahead), 1e-9), atol=1e-6),
-        f"sd {fix['sd']:g}": not close(fix["sd"], sd),
-        "probability": not close(fix["available"], cfg["available"]),
-        "names": [row["name"] for row in tree.rows] != list("ABCD"[: len(tree.rows)]),
+    return {
+        f"{name}: {len(node.rows)} branches": not 2 <= len(node.rows) <= cfg["leaves"],
+        f"{name}: a fix after {len(node.before)} others": len(node.before) >= cfg.get("fixes", 1),
+        f"{name}: step {k} is at no time of branch.at": at_times and k not in steps,
+        f"{name}: the outline is no landmark": not at_times and fix["landmark"] not in marks,
+        f"{name}: a landmark although branch.at is set": at_times and fix["landmark"] is not None,
+        f"{name}: place": not np.allclose(fix["place"], x[k], atol=1e-6 + result.grain),
+        f"{name}: direction": not np.allclose(fix["ahead"], ahead / max(np.hypot(*ahead), 1e-9), atol=1e-6),
+        f"{name}: sd {fix['sd']:g}": not close(fix["sd"], sd),
+        f"{name}: probability": not close(fix["available"], cfg["available"]),
+        f"{name}: names": [row["name"] for row in node.rows] != _letters(node),
     }
-    return no_fault(f"step {k}, {len(tree.rows)} branches", faults)
 
 
 def division(result: Evidence) -> Verdict | None:
     """Every measured position lies in exactly one cell: one point of each box between all lines is tried."""
-    tree = tree_of(result)
-    if tree is None:
+    if not (nodes := nodes_of(result)):
         return None
-    middles = []
-    for ends in (tree.boxes[:, :2], tree.boxes[:, 2:]):
-        cuts = np.unique(ends[np.isfinite(ends)])
-        rim = [-1e9, *cuts.tolist(), 1e9]
-        middles.append([*(0.5 * (a + b) for a, b in pairwise(rim)), *cuts.tolist()])
-    points = np.array(list(product(*middles)))
-    number = tree.number(np.array(tree.stated["fix"]["place"]) + points @ tree.axes)
-    return no_fault(
-        f"{len(points)} places", {"in no cell": (number == -1).any(), "in two": (number == -2).any()}
-    )
+    count, faults = 0, dict[str, Any]()
+    for node in nodes:
+        middles = []
+        for ends in (node.boxes[:, :2], node.boxes[:, 2:]):
+            cuts = np.unique(ends[np.isfinite(ends)])
+            rim = [-1e9, *cuts.tolist(), 1e9]
+            middles.append([*(0.5 * (a + b) for a, b in pairwise(rim)), *cuts.tolist()])
+        points = np.array(list(product(*middles)))
+        number = node.number(np.array(node.fix["place"]) + points @ node.axes)
+        count += len(points)
+        faults |= {
+            f"{node.title}: in no cell": (number == -1).any(),
+            f"{node.title}: in two": (number == -2).any(),
+        }
+    return no_fault(f"{count} places", faults)
 
 
 def words(result: Evidence) -> Verdict | None:
     """The words of each cell say what its numbers do."""
-    tree = tree_of(result)
-    if tree is None:
+    if not (nodes := nodes_of(result)):
         return None
     faults = {}
-    for row, (a, b, c, d) in zip(tree.rows, tree.boxes.tolist(), strict=True):
-        parts = [
-            _side(c, d, "left of", "right of", "the planned track"),
-            _side(a, b, "ahead of", "behind", "the planned position (along the track)"),
-        ]
-        text = ", and ".join(part for part in parts if part)
-        faults[f"branch {row['name']}: {row['where']}"] = row["where"] != text
-    return no_fault(f"{len(tree.rows)} cells", faults)
+    for node in nodes:
+        for row, (a, b, c, d) in zip(node.rows, node.boxes.tolist(), strict=True):
+            parts = [
+                _side(c, d, "left of", "right of", "the planned track"),
+                _side(a, b, "ahead of", "behind", "the planned position (along the track)"),
+            ]
+            text = ", and ".join(part for part in parts if part)
+            faults[f"branch {row['name']}: {row['where']}"] = row["where"] != text
+    return no_fault(f"{len(faults)} cells", faults)
 
 
 def _side(low: float, high: float, up: str, down: str, what: str) -> str:
@@ -162,103 +223,163 @@ def _side(low: float, high: float, up: str, down: str, what: str) -> str:
 
 
 class Told(NamedTuple):
-    """Share of a cell, and mean (2,) and covariance (2, 2) of y - x in it, of ``draws`` positions."""
+    """What cells say, of ``draws`` flights that come to the last fix.
+
+    Share of the last cell; mean (2n,) and covariance (2n, 2n) of y - x at the n fixes in the cells.
+    """
 
     share: float
     mean: FloatArray
     cov: FloatArray
     draws: int
 
+    @property
+    def doubt(self) -> float:
+        """Standard error of a mean in standard deviations."""
+        return 1.0 / math.sqrt(max(self.share * self.draws, 1.0))
 
-def told_by_cells(result: Evidence) -> list[Told]:
-    """The moments of measured positions in each cell, by sampling from the covariance at the fix."""
-    tree = tree_of(result)
-    assert tree is not None
-    rng, fix = np.random.default_rng(SEED), tree.stated["fix"]
-    cov = result.course.cov[tree.step]
-    e = rng.standard_normal((DRAWS, 2)) @ np.linalg.cholesky(cov + 1e-9 * np.trace(cov) * np.eye(2)).T
-    y = e + fix["sd"] * rng.standard_normal((DRAWS, 2))
-    place = np.array(fix["place"])
-    taken = tree.taken(place + e, np.zeros(DRAWS))
-    number = tree.number(place + y)[taken]
-    y = y[taken]
+
+class Course(NamedTuple):
+    """Flights of one set of controls without fixes: means (T+1, 2), covariances at and between all steps."""
+
+    x: FloatArray
+    cov: FloatArray
+    across: FloatArray
+
+    @classmethod
+    def of(cls, result: Evidence, u: FloatArray) -> Course:
+        """The flights of the controls ``u`` (T, 2)."""
+        law = result.law("coherent", len(u))
+        course = laws.fly_controls(law, result.start, u)
+        return cls(course.x, course.cov, laws.covariance_across(law, course))
+
+    def between(self, steps: list[int], others: list[int]) -> FloatArray:
+        """Covariance (2n, 2m) of the deviations at ``steps`` with those at ``others``."""
+        rows = [[self.across[t, s] if t >= s else self.across[s, t].T for s in others] for t in steps]
+        return np.vstack([np.hstack(row) for row in rows])
+
+
+def _chain(node: Node) -> list[Node]:
+    """The fixes to ``node``, the first one first."""
+    return [*(one for one, _ in node.before), node]
+
+
+def told_by_cells(result: Evidence, node: Node) -> list[Told]:
+    """The moments of measured positions in each cell, by sampling from the covariances at the fixes."""
+    key = f"branch cells {[number for _, number in node.before]}"
+    known = result.remembered.get(key)
+    if not isinstance(known, list):
+        known = result.remembered[key] = _sampled(node, Course.of(result, node.u))
+    return known
+
+
+def _sampled(node: Node, course: Course) -> list[Told]:
+    rng, fixes = np.random.default_rng(SEED), _chain(node)
+    steps = [one.step for one in fixes]
+    S = course.between(steps, steps)
+    e = rng.standard_normal((DRAWS, len(S))) @ np.linalg.cholesky(S + 1e-9 * np.trace(S) * np.eye(len(S))).T
+    y, come = e.copy(), np.ones(DRAWS, bool)
+    number = np.zeros(DRAWS, int)
+    for n, one in enumerate(fixes):
+        own, middle = slice(2 * n, 2 * n + 2), course.x[one.step]
+        y[:, own] += one.fix["sd"] * rng.standard_normal((DRAWS, 2))
+        come &= one.taken(middle + e[:, own], np.zeros(DRAWS))
+        number = one.number(middle + y[:, own])
+        if one is not node:
+            come &= number == node.before[n][1]
+    y, number = y[come], number[come]
     found = []
-    for k in range(len(tree.rows)):
+    for k in range(len(node.rows)):
         held = y[number == k]
         enough = len(held) > 1
-        found.append(
-            Told(
-                len(held) / max(len(y), 1), held.mean(axis=0) if enough else np.zeros(2),
-                np.cov(held.T) if enough else np.zeros((2, 2)), len(y),
-            )
-        )  # fmt: skip
+        mean = held.mean(axis=0) if enough else np.zeros(len(S))
+        cov = np.cov(held.T) if enough else np.zeros(S.shape)
+        found.append(Told(len(held) / max(len(y), 1), mean, cov, len(y)))
     return found
 
 
 def shares(result: Evidence) -> Verdict | None:
-    """The share of each cell follows from the covariance at the fix."""
-    tree = tree_of(result)
-    if tree is None:
+    """The share of each cell follows from the covariances at the fixes."""
+    if not (nodes := nodes_of(result)):
         return None
     faults = {}
-    for row, told in zip(tree.rows, told_by_cells(result), strict=True):
-        error = math.sqrt(max(told.share * (1.0 - told.share), 1e-6) / max(told.draws, 1))
-        off = abs(row["share"] - told.share)
-        faults[f"branch {row['name']}: {row['share']:.4g} is {told.share:.4g}"] = off > 2e-3 + SPREAD * error
-    return no_fault(f"{len(tree.rows)} shares", faults)
+    for node in nodes:
+        for row, told in zip(node.rows, told_by_cells(result, node), strict=True):
+            error = math.sqrt(max(told.share * (1.0 - told.share), 1e-6) / max(told.draws, 1))
+            off = abs(row["share"] - told.share)
+            faults[f"branch {row['name']}: {row['share']:.4g} is {told.share:.4g}"] = (
+                off > 2e-3 + SPREAD * error
+            )
+    return no_fault(f"{len(faults)} shares", faults)
 
 
 def positions(result: Evidence) -> Verdict | None:
-    """Means and covariances of each branch come from flights in its cell that fly its controls."""
-    tree = tree_of(result)
-    if tree is None:
+    """Means and covariances of each branch come from flights in its cells that fly its controls."""
+    if not (nodes := nodes_of(result)):
         return None
-    k, fix, worst = tree.step, tree.stated["fix"], 0.0
-    for row, told in zip(tree.rows, told_by_cells(result), strict=True):
-        u = np.vstack([result.u[:k], np.array(row["u"], float)])
-        law = result.law("coherent", len(u))
-        course = laws.fly_controls(law, result.start, u)
-        across = laws.covariance_across(law, course)
-        S = course.cov[k] + fix["sd"] ** 2 * np.eye(2)
-        inverse = np.linalg.inv(S)
-        W = inverse @ (S - told.cov) @ inverse
-        x, cov = np.array(row["x"], float), np.array(row["cov"], float)
-        if x.shape != (len(u) - k + 1, 2) or cov.shape != (len(u) - k + 1, 2, 2):
-            return Verdict(f"branch {row['name']}", "another number of steps", False)
-        for t in range(k, len(u) + 1):
-            D = across[t, k]
-            mean, left = course.x[t] + D @ inverse @ told.mean, course.cov[t] - D @ W @ D.T
-            sd = math.sqrt(max(float(np.trace(left)), result.grain**2))
-            worst = max(worst, float(np.linalg.norm(x[t - k] - mean)) / sd)
-            worst = max(worst, float(np.abs(cov[t - k] - left).max()) / sd**2)
-    return within(f"{len(tree.rows)} branches", worst, LARGEST, " sd")
+    worst, count = 0.0, 0
+    for node in nodes:
+        for row, told in zip(node.rows, told_by_cells(result, node), strict=True):
+            off = _off(result, node, row, told)
+            if off is None:
+                return Verdict(f"branch {row['name']}", "another number of steps", False)
+            worst, count = max(worst, off), count + 1
+    return within(f"{count} branches", worst, LARGEST, " sd")
+
+
+def _off(result: Evidence, node: Node, row: dict[str, Any], told: Told) -> float | None:
+    """How far stated means and covariances are from derived ones, beyond the error of the sampling."""
+    u, fixes, k = node.on(row), _chain(node), node.step
+    course, steps = Course.of(result, u), [one.step for one in fixes]
+    S = course.between(steps, steps) + np.diag(np.repeat([one.fix["sd"] ** 2 for one in fixes], 2))
+    inverse = np.linalg.inv(S)
+    W = inverse @ (S - told.cov) @ inverse
+    x, cov = np.array(row["x"], float), np.array(row["cov"], float)
+    if x.shape != (len(u) - k + 1, 2) or cov.shape != (len(u) - k + 1, 2, 2):
+        return None
+    worst = 0.0
+    for t in range(k, len(u) + 1):
+        D = course.between([t], steps)
+        mean, left = course.x[t] + D @ inverse @ told.mean, course.cov[t] - D @ W @ D.T
+        sd = math.sqrt(max(float(np.trace(left)), result.grain**2))
+        worst = max(worst, float(np.linalg.norm(x[t - k] - mean)) / sd)
+        worst = max(worst, float(np.abs(cov[t - k] - left).max()) / sd**2)
+    return max(worst - SPREAD * told.doubt, 0.0)
 
 
 def navigation(result: Evidence) -> Verdict | None:
     """Times, airspeeds, length, labels and the tables of the branches follow from their steps."""
-    tree = tree_of(result)
-    if tree is None:
+    if not (nodes := nodes_of(result)):
         return None
-    dt, robot, faults = result.robot.dt, result.robot, dict[str, Any]()
-    for row in tree.rows:
-        x, u, t = (np.array(row[key], float) for key in ("x", "u", "t"))
-        speed = np.hypot(*u.T)
-        name = f"branch {row['name']}"
-        faults |= {
-            f"{name}: times": not np.allclose(t, dt * (tree.step + np.arange(len(x))), rtol=1e-9),
-            f"{name}: airspeed": not np.allclose(row["airspeed"], speed, rtol=1e-6),
-            f"{name}: airspeed above u_max": (speed > robot.u_max * (1 + 1e-5)).any(),
-            f"{name}: airspeed below u_min": (speed < robot.u_min * (1 - 1e-5)).any(),
-            f"{name}: energy": robot.capacity is not None
-            and float(robot.spent(np.vstack([result.u[: tree.step], u])).sum()) > robot.capacity * (1 + 1e-6),
-            f"{name}: length": not close(row["length"], float(np.hypot(*np.diff(x, axis=0).T).sum()), 1e-6),
-            f"{name}: headings": row["heading_true"] is not None
-            and not _same_headings(row["heading_true"], azimuths(result.scene["crs"], x[:-1], u), speed),
-            f"{name}: labels": result.ground.labels(x[1:-1]) != [frozenset(one) for one in row["label"][1:-1]]
-            and not _near_edge(result, x, row["label"]),
-        }
-        faults |= _table_faults(result, row)
-    return no_fault(f"{len(tree.rows)} branches", faults)
+    faults, count = dict[str, Any](), 0
+    for node in nodes:
+        for row in node.rows:
+            faults |= _row_faults(result, node, row)
+            count += 1
+    return no_fault(f"{count} branches", faults)
+
+
+def _row_faults(result: Evidence, node: Node, row: dict[str, Any]) -> dict[str, Any]:
+    """What a branch states other than what follows from its steps."""
+    dt, robot, begin = result.robot.dt, result.robot, node.step
+    x, u, t = (np.array(row[key], float) for key in ("x", "u", "t"))
+    speed = np.hypot(*u.T)
+    name = f"branch {row['name']}"
+    orders = result.orders(np.vstack([node.x[: begin + 1], x[1:]]))
+    return {
+        f"{name}: order {row['order']}": not any(order.endswith(row["order"]) for order in orders),
+        f"{name}: times": not np.allclose(t, dt * (begin + np.arange(len(x))), rtol=1e-9),
+        f"{name}: airspeed": not np.allclose(row["airspeed"], speed, rtol=1e-6),
+        f"{name}: airspeed above u_max": (speed > robot.u_max * (1 + 1e-5)).any(),
+        f"{name}: airspeed below u_min": (speed < robot.u_min * (1 - 1e-5)).any(),
+        f"{name}: energy": robot.capacity is not None
+        and float(robot.spent(node.on(row)).sum()) > robot.capacity * (1 + 1e-6),
+        f"{name}: length": not close(row["length"], float(np.hypot(*np.diff(x, axis=0).T).sum()), 1e-6),
+        f"{name}: headings": row["heading_true"] is not None
+        and not _same_headings(row["heading_true"], azimuths(result.scene["crs"], x[:-1], u), speed),
+        f"{name}: labels": result.ground.labels(x[1:-1]) != [frozenset(one) for one in row["label"][1:-1]]
+        and not _near_edge(result, x, row["label"]),
+    } | _table_faults(result, row)
 
 
 def _same_headings(stated: list[float | None], derived: FloatArray, speed: FloatArray) -> bool:
@@ -312,60 +433,79 @@ def _table_faults(result: Evidence, row: dict[str, Any]) -> dict[str, Any]:
 
 
 class Flown(NamedTuple):
-    """New flights: the branch of each, -1 without a fix, and whether it fails with branches, and alone."""
+    """New flights that come to a fix: their numbers, the branch of each, -1 without the fix, and failures.
 
+    ``failed`` is with this fix and later ones, ``alone`` without them.
+    """
+
+    rows: IntArray
     number: IntArray
     failed: BoolArray
     alone: BoolArray
 
 
-def flown(result: Evidence) -> Flown:
-    """New flights of the plan with its branches: all branches are flown in the same winds as the plan."""
+def flown(result: Evidence) -> list[Flown]:
+    """New flights at each fix of :func:`nodes_of`: all branches are flown in the same winds as the plan."""
     known = result.remembered.get("branches")
-    if isinstance(known, Flown):
+    if isinstance(known, list):
         return known
-    tree = tree_of(result)
-    assert tree is not None
-    k, fix = tree.step, tree.stated["fix"]
+    found = dict[tuple[int, ...], Flown]()
+    nodes = nodes_of(result)
+    root = nodes[0]
+    x = _new_flights(result, root.u)
+    _fly(result, root, x, np.arange(RUNS), found)
+    ordered = [found[tuple(number for _, number in node.before)] for node in nodes]
+    result.remembered["branches"] = ordered
+    return ordered
 
-    def one(u: FloatArray) -> FloatArray:
-        law = result.law("coherent", len(u))
-        return fly(law, np.vstack([result.start] * (len(u) + 1)), u, RUNS, np.random.default_rng(SEED))
 
-    x = one(result.u)
-    rng = np.random.default_rng(SEED + 1)
-    y = x[:, k] + fix["sd"] * rng.standard_normal((RUNS, 2))
-    number = np.where(tree.taken(x[:, k], rng.random(RUNS)), tree.number(y), -1)
-    alone = result.ground.failed(x)
+def _new_flights(result: Evidence, u: FloatArray) -> FloatArray:
+    """Positions (RUNS, T+1, 2) [m] of the controls ``u`` (T, 2), in the same winds for all controls."""
+    law = result.law("coherent", len(u))
+    return fly(law, np.vstack([result.start] * (len(u) + 1)), u, RUNS, np.random.default_rng(SEED))
+
+
+def _fly(
+    result: Evidence, node: Node, x: FloatArray, rows: IntArray, found: dict[tuple[int, ...], Flown]
+) -> BoolArray:
+    """Sort the flights ``rows``, which fly ``x``, at a fix; which of them fail with all branches."""
+    rng = np.random.default_rng([SEED, 1 + len(node.before)])
+    error, luck = rng.standard_normal((RUNS, 2)), rng.random(RUNS)
+    at = x[rows, node.step]
+    y = at + node.fix["sd"] * error[rows]
+    number = np.where(node.taken(at, luck[rows]), node.number(y), -1)
+    alone = result.ground.failed(x[rows])
     failed = alone.copy()
-    for j, row in enumerate(tree.rows):
-        rows = np.flatnonzero(number == j)
-        u = np.vstack([result.u[:k], np.array(row["u"], float)])
-        failed[rows] = result.ground.failed(one(u)[rows])
-    found = Flown(number, failed, alone)
-    result.remembered["branches"] = found
-    return found
+    for j, row in enumerate(node.rows):
+        own = number == j
+        later, there = node.after(j), _new_flights(result, node.on(row))
+        if later is None:
+            failed[own] = result.ground.failed(there[rows[own]])
+        else:
+            failed[own] = _fly(result, later, there, rows[own], found)
+    found[tuple(number for _, number in node.before)] = Flown(rows, number, failed, alone)
+    return failed
 
 
 def rates(name: str, result: Evidence) -> Verdict | None:
     """The rate of the plan with branches, alone, or of one branch, agrees with new flights."""
-    tree = tree_of(result)
-    if tree is None:
+    if not (nodes := nodes_of(result)):
         return None
     new = flown(result)
     if name == "each branch":
-        chance, text = 1.0, []
-        for j, row in enumerate(tree.rows):
-            own = new.failed[new.number == j]
-            chance = min(chance, len(tree.rows) * _chance(row["rate"], own))
-            text.append(f"{row['rate']['failure']:.3g}")
-        return likely(", ".join(text), chance, RARE)
-    stated = tree.stated["rate" if name == "with branches" else "alone"]
-    return likely(
-        f"{stated['failure']:.4g}",
-        _chance(stated, new.failed if name == "with branches" else new.alone),
-        RARE,
-    )
+        tests = [
+            (row["rate"], own.failed[own.number == j])
+            for node, own in zip(nodes, new, strict=True)
+            for j, row in enumerate(node.rows)
+        ]
+    else:
+        key = "rate" if name == "with branches" else "alone"
+        tests = [
+            (node.stated[key], own.failed if key == "rate" else own.alone)
+            for node, own in zip(nodes, new, strict=True)
+        ]
+    chance = min(1.0, *(len(tests) * _chance(stated, failed) for stated, failed in tests))
+    return likely(", ".join(f"{stated['failure']:.3g}" for stated, _ in tests), chance, RARE)
 
 
 def _chance(stated: dict[str, Any], failed: BoolArray) -> float:
@@ -377,15 +517,25 @@ def _chance(stated: dict[str, Any], failed: BoolArray) -> float:
 
 
 def gain(result: Evidence) -> Verdict | None:
-    """The difference belongs to the two rates, below 0 with its interval, and the length is expected."""
-    tree = tree_of(result)
-    if tree is None:
+    """Differences belong to their two rates, below 0 with their intervals, and lengths are expected."""
+    if not (nodes := nodes_of(result)):
         return None
-    stated = tree.stated
-    told, rate, alone, fix = stated["difference"], stated["rate"], stated["alone"], stated["fix"]
-    begun = float(np.hypot(*np.diff(result.x[: tree.step + 1], axis=0).T).sum())
-    whole = float(np.hypot(*np.diff(result.x, axis=0).T).sum())
-    rests = sum(row["share"] * (begun + row["length"]) for row in tree.rows)
+    faults = dict[str, Any]()
+    for node in nodes:
+        faults |= _gain_faults(node)
+    return no_fault(f"{nodes[0].stated['difference']['middle']:.3g}", faults)
+
+
+def _gain_faults(node: Node) -> dict[str, Any]:
+    stated, fix = node.stated, node.fix
+    told, rate, alone = stated["difference"], stated["rate"], stated["alone"]
+    since = node.before[-1][0].step if node.before else 0
+    begun = float(np.hypot(*np.diff(node.x[since : node.step + 1], axis=0).T).sum())
+    whole = float(np.hypot(*np.diff(node.x[since:], axis=0).T).sum())
+    rests = sum(
+        row["share"] * (begun + (row["branches"]["length"] if "branches" in row else row["length"]))
+        for row in node.rows
+    )
     taken = fix["available"]
     length = (1.0 - taken) * whole + taken * rests
     known = fix["landmark"] is None
@@ -395,11 +545,13 @@ def gain(result: Evidence) -> Verdict | None:
             told["middle"], rate["failure"] - alone["failure"], 1e-6, 1e-9
         ),
         "an interval without its difference": not told["low"] <= told["middle"] <= told["high"],
-        "no gain": told["high"] >= 0.0,
+        "no gain": not node.before and told["high"] >= 0.0,
         "other numbers of flights": rate["runs"] != alone["runs"],
+        "a branch fails otherwise than its branches": bool(node.before)
+        and node.before[-1][0].rows[node.before[-1][1]]["rate"] != rate,
         f"length {stated['length']:.6g} is {length:.6g}": known and abs(stated["length"] - length) > slack,
     }
-    return no_fault(f"{told['middle']:.3g}", faults)
+    return {f"{node.title}: {fault}": found for fault, found in faults.items()}
 
 
 CLAIMS = (

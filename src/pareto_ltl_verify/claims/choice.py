@@ -46,6 +46,11 @@ def plan_on_front(result: Evidence) -> Verdict:
         and np.array_equal(result.front_x(k), x)
     ]  # fmt: skip
     alike = further.items() <= result.metrics.items()
+    if (tree := plan.get("branches")) is not None and tree.get("bent") is not None:  # of no row
+        stated, point = plan["origin"], tree["point"]
+        origin = result.front[point]["origin"] if point < len(result.front) else ""
+        named = stated == f"{origin}, bent for its branches"
+        return Verdict(stated[:44], "a bent path of the front" if named else "no path", named and alike)
     return Verdict(plan["origin"][:44], f"{len(rows)} such path", len(rows) == 1 and alike)
 
 
@@ -102,6 +107,9 @@ def choice(result: Evidence) -> Verdict | None:
         return None
     if (tree := result.plan.get("branches")) is not None:  # the best trunk need not be the best path
         point = tree["point"]
+        if tree.get("bent") is not None:  # for its branches; it has the steps of the path that was bent
+            whole = point < len(result.front) and len(result.front_x(point)) == len(result.x)
+            return Verdict(f"path {point}, bent for its branches", "its steps" if whole else "others", whole)
         known = point < len(result.front) and np.array_equal(result.front_x(point), result.x)
         return Verdict(f"path {point} with branches", "the plan" if known else "another path", known)
     rule, capacity = settings["rule"], result.robot.capacity

@@ -80,7 +80,9 @@ def _rate_faults(result: Evidence, stated: dict[str, Any]) -> Iterator[str]:
 
 
 def _claim_faults(result: Evidence, stated: dict[str, Any]) -> Iterator[str]:
-    """The claim is the rate of the plan's row of the front."""
+    """The claim is the rate of the plan's row of the front, where a plan bent for its branches has none."""
+    if (result.plan.get("branches") or {}).get("bent") is not None:
+        return
     rows = [row for k, row in enumerate(result.front) if np.array_equal(result.front_x(k), result.x)]
     claim = {column: str(stated["claimed"][key]) for key, column in RATE.items()}
     if [{column: row[column] for column in claim} for row in rows] != [claim]:

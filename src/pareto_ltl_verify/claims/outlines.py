@@ -15,7 +15,7 @@ from pareto_ltl.support.names import joined_names
 from pareto_ltl_verify.areas import TOLERANCE, drawn_fault, line_fault, ring_fault, rings_of
 from pareto_ltl_verify.claims import Claim, Verdict, close, no_fault, unlike
 from pareto_ltl_verify.claims.exports import KML, PLAN, TABLE, Rows, column, lonlat, xml_root
-from pareto_ltl_verify.evidence import Evidence
+from pareto_ltl_verify.evidence import Evidence, all_branches, all_trees
 from pareto_ltl_verify.geometry import azimuths, in_plane
 
 SAG = 0.5  # [m] by which drawn lines may leave straight lines of the plane
@@ -145,7 +145,7 @@ def _branch_faults(
     if tree is None:
         yield from (f"a {role} of a plan without branches" for role, _, _ in drawn)
         return
-    rows = tree["branches"]
+    rows = list(all_branches(tree))
     routes = [one for one in drawn if one[0] == "branch"]
     lines = [x for role, _, x in drawn if role == "branch line"]
     if len(routes) != len(rows) or not lines:
@@ -159,14 +159,19 @@ def _branch_faults(
         yield from [f"branch {row['name']}: {fault}"] * bool(fault)
         wanted = {"name": row["name"], "where": row["where"]}
         yield from (f"branch {row['name']}: {one}" for one in unlike(about, wanted))
-    (east, north), place = tree["fix"]["ahead"], np.array(tree["fix"]["place"])
-    axes = np.array([[east, north], [-north, east]])
     for x in lines:
-        y = (x - place) @ axes.T
-        slack = ON_LINE * float(np.ptp(y, axis=0).max()) + 1.0
-        ends = [[end for row in rows for end in row[key] if end is not None] for key in ("along", "left")]
-        on = any(np.abs(y[:, i] - end).max() <= slack for i in (0, 1) for end in ends[i])
+        on = any(_divides(one, x) for one in all_trees(tree))
         yield from ["a line that divides no cells"] * (not on)
+
+
+def _divides(tree: Mapping[str, Any], x: FloatArray) -> bool:
+    """Whether the line with the ends ``x`` (2, 2) [m] lies between cells of a fix."""
+    (east, north), place = tree["fix"]["ahead"], np.array(tree["fix"]["place"])
+    y = (x - place) @ np.array([[east, north], [-north, east]]).T
+    slack = ON_LINE * float(np.ptp(y, axis=0).max()) + 1.0
+    rows = tree["branches"]
+    ends = [[end for row in rows for end in row[key] if end is not None] for key in ("along", "left")]
+    return any(np.abs(y[:, i] - end).max() <= slack for i in (0, 1) for end in ends[i])
 
 
 def _leg_faults(result: Evidence, legs: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -259,7 +264,8 @@ def kml(result: Evidence) -> Verdict:
     steps = [f"{k} {joined_names(label)}".strip() for k, label in enumerate(result.plan["label"])]
     tube = [f"{TUBE * 100:g} % of whole flights, {result.planned_law} {flow}" for flow in result.flows]
     tree = result.plan.get("branches")
-    letters = [] if tree is None else [f"branch {row['name']}: {row['where']}" for row in tree["branches"]]
+    branches = [] if tree is None else all_branches(tree)
+    letters = [f"branch {row['name']}: {row['where']}" for row in branches]
     own = [mark for mark, name in zip(marks, names, strict=True) if name in (*letters, *KML_LINES)]
     marks = [mark for mark in marks if mark not in own]
     names = [name for name in names if name not in (*letters, *KML_LINES)]

@@ -21,7 +21,7 @@ from pareto_ltl_verify.claims import Claim, Verdict, far_apart, no_fault, same, 
 from pareto_ltl_verify.claims.exports import PLAN
 from pareto_ltl_verify.claims.origin import same_code
 from pareto_ltl_verify.claims.outlines import map_areas
-from pareto_ltl_verify.evidence import Evidence
+from pareto_ltl_verify.evidence import Evidence, all_trees
 from pareto_ltl_verify.geometry import in_plane, on_earth
 from pareto_ltl_verify.sentences import height_text
 
@@ -49,7 +49,7 @@ BOX_ROUNDING = 6e-4  # [deg] of the edges of what is shown, which have three dig
 STYLES = ("components/components.css", "page/page.css")
 SCRIPTS = (
     *(f"components/{name}.js" for name in (
-        "shapes", "geo", "map", "ground", "wind", "flight", "front", "risk", "machine", "player"
+        "shapes", "geo", "map", "ground", "wind", "flight", "branches", "front", "risk", "machine", "player"
     )),
     *(f"page/{name}.js" for name in ("basics", "layers", "files", "main")),
 )  # fmt: skip
@@ -143,6 +143,9 @@ def paths(result: Evidence) -> Verdict:
         late = len(way["t"]) != len(t) or np.abs(np.array(way["t"], float) - t).max() > 1e-3
         off = _off(result, data, way["line"], x)
         faults += [f"path {name}: times"] * bool(late) + [f"path {name}: places"] * off
+    faults += _tree_faults(result, data)
+    if data["chosen"] is None and (result.plan.get("branches") or {}).get("bent") is not None:
+        return no_fault(f"{len(data['paths'])} paths", faults, unlike(plan["promise"] or {}, promise or {}))
     way = data["paths"][str(data["chosen"])]
     same_times = {"automaton states": way["q"] != plan["q"], "times": way["utc"] != plan["time_utc"],
                   "positions": _off(result, data, way["line"], result.x)}  # fmt: skip
@@ -150,6 +153,28 @@ def paths(result: Evidence) -> Verdict:
     return no_fault(
         f"{len(data['paths'])} paths", faults, same_times, unlike(plan["promise"] or {}, promise or {})
     )
+
+
+def _tree_faults(result: Evidence, data: Mapping[str, Any]) -> list[str]:
+    """What the page draws of branches otherwise than the plan has them."""
+    tree, shown = result.plan.get("branches"), data.get("tree")
+    if tree is None or not shown:
+        return ["branches"] * ((tree is None) != (not shown))
+    rows = [(own, row) for own in all_trees(tree) for row in own["branches"]]
+    by_name = {row["name"]: (own, row) for own, row in rows}
+    if sorted(by_name) != sorted(one["name"] for one in shown["branches"]):
+        return ["other branches"]
+    faults = ["trunk"] * ((shown["trunk"] is None) != (tree["bent"] is None))
+    if shown["trunk"] is not None:
+        faults += ["trunk"] * _off(result, data, shown["trunk"], result.x)
+    for one in shown["branches"]:
+        own, row = by_name[one["name"]]
+        faults += [f"branch {one['name']}: {fault}" for fault in unlike(one, {"where": row["where"]})]
+        faults += [f"branch {one['name']}: share"] * (abs(one["share"] - row["share"]) > 1e-9)
+        faults += [f"branch {one['name']}: places"] * _off(result, data, one["line"], np.array(row["x"]))
+        there = np.array(own["fix"]["place"])[None]
+        faults += [f"branch {one['name']}: fix"] * _off(result, data, [one["fix"]], there)
+    return faults
 
 
 def _off(result: Evidence, data: Mapping[str, Any], line: Any, x: Any) -> bool:

@@ -2,76 +2,96 @@
 
 The measured position y = x + e + ν, ν ~ N(0, r² I), is N(x, S) with S = Σ + r² I. In a cell it has the mean
 x + d and the covariance V (:mod:`~pareto_ltl.planning.branching.cells`). Whatever y is, the rest is Gaussian
-given y, so that with D = Cov(e, y) = Σ and C = Cov(e, θ)
+given y, so that with D = Cov(e, y) = Σ and C = Cov(y, θ)
 
     E[e | cell] = D S⁻¹ d,         Cov(e | cell) = Σ - D W D',       W = S⁻¹ (S - V) S⁻¹,
-    E[θ | cell] = C' S⁻¹ d,        Cov(θ | cell) = I - C' W C,       Cov(e, θ | cell) = C - D W C,
+    E[θ | cell] = C' S⁻¹ d,        Cov(θ | cell) = I - C' W C,       Cov(e, θ | cell) = Cov(e, θ) - D W C,
 
-and the same with κ, the robot's own errors, in the place of θ. V = 0 is a position fix, (M67).
+and the same with κ, the robot's own errors, in the place of θ. V = 0 is a position fix, (M67). Of two fixes y
+is the vector of both measured positions, and a cell is a cell at each.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.planning.branching.cells import Cell, Moments, cell_moments
-from pareto_ltl.planning.branching.records import BranchFix
+from pareto_ltl.planning.branching.cells import Moments, cell_moments
+from pareto_ltl.planning.branching.records import Passed
 from pareto_ltl.planning.conditioning import Fix, Joint, Learnt, joint_at
 from pareto_ltl.planning.evaluate import cross_covariance, propagate
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.support.arrays import FloatArray, square_matrices
 
 INSIDE_DRAWS = 200_000  # of positions, for a fix that only a landmark gives
+BOTH_DRAWS = 1_000_000  # of pairs of positions, for cells at two fixes
 INSIDE_SEED = 20181009
 
 
-def prior_at(problem: Problem, fix: BranchFix, x: FloatArray) -> Joint:
-    """The joint law of position, θ and own errors at the fix of the plan with means ``x`` (T+1, 2) [m]."""
-    return joint_at(problem, x, fix.step, [Fix(fix.place, fix.sd, fix.step)])
+def prior_at(problem: Problem, passed: Sequence[Passed], x: FloatArray) -> Joint:
+    """The joint law of position, θ and own errors at the last fix, of the means ``x`` (T+1, 2) [m]."""
+    fixes = [Fix(fix.place, fix.sd, fix.step) for fix, _ in passed]
+    return joint_at(problem, x, fixes[-1].step, fixes)
 
 
-def measured_moments(fix: BranchFix, cell: Cell, cov: FloatArray) -> Moments:
-    """Share of the flights that take the fix, mean (2,) - x and covariance (2, 2) of y in the cell.
+def measured_moments(passed: Sequence[Passed], among: FloatArray, means: FloatArray) -> Moments:
+    """What the cells at n fixes say of y - x, the measured positions about their means.
 
-    Both are in the plane [m, m²], and ``cov`` (2, 2) is Σ. A fix that only a landmark gives tells that the
-    robot is in it: its moments come from a fixed sample of positions in the landmark.
+    The share is the one of the last cell, of the flights that are in the cells before it and take the fix;
+    mean (2n,) and covariance (2n, 2n) are in the plane [m, m²]. ``among`` (2n, 2n) [m²] is Cov(e), and
+    ``means`` (n, 2) [m] are the expected positions of all flights of these controls. One fix that can be
+    taken anywhere has the moments of (M79), others have moments of a fixed sample: a fix that only
+    a landmark gives tells that the robot is in it.
     """
-    axes = fix.axes
-    if fix.landmark is None:
-        S = axes @ (cov + fix.sd**2 * np.eye(2)) @ axes.T
-        share, mean, V = cell_moments(cell, np.zeros(2), S)
-    else:
-        rng = np.random.default_rng(INSIDE_SEED)
-        e, noise = rng.standard_normal((2, INSIDE_DRAWS, 2))
-        e = e @ np.linalg.cholesky(cov + 1e-9 * np.trace(cov) * np.eye(2)).T
-        taken = fix.inside(fix.place + e)
-        y = fix.distances(fix.place + e[taken] + fix.sd * noise[taken])
-        held = cell.holds(y)
-        if held.sum() < 2:
-            raise ValueError(f"no position in the landmark lies {cell.words}")
-        share, mean, V = float(held.mean()), y[held].mean(axis=0), np.cov(y[held].T)
-    return Moments(share, axes.T @ mean, axes.T @ V @ axes)
+    if len(passed) == 1 and passed[0].fix.landmark is None:
+        (fix, cell), axes = passed[0], passed[0].fix.axes
+        S = axes @ (among + fix.sd**2 * np.eye(2)) @ axes.T
+        share, mean, V = cell_moments(cell, axes @ (means[0] - fix.place), S)
+        return Moments(share, axes.T @ mean - (means[0] - fix.place), axes.T @ V @ axes)
+    rng = np.random.default_rng(INSIDE_SEED)
+    draws = INSIDE_DRAWS if len(passed) == 1 else BOTH_DRAWS
+    shape = (draws, len(passed), 2)
+    root = np.linalg.cholesky(among + 1e-9 * np.trace(among) * np.eye(len(among)))
+    off = (rng.standard_normal((draws, len(among))) @ root.T).reshape(shape)
+    held = taken = np.ones(draws, bool)
+    for n, (fix, cell) in enumerate(passed):
+        there = means[n] + off[:, n]
+        off[:, n] += fix.sd * rng.standard_normal((draws, 2))
+        taken = held & fix.inside(there)
+        held = taken & cell.holds(fix.distances(means[n] + off[:, n]))
+    if held.sum() < 2:
+        raise ValueError(f"no position that can be measured lies {passed[-1].cell.words}")
+    y = off[held].reshape(-1, len(among))
+    return Moments(float(held.sum() / taken.sum()), y.mean(axis=0), np.cov(y.T))
 
 
-def learnt_in_cell(prior: Joint, told: Moments, sd: float) -> Learnt:
-    """The law of position, θ and own errors of the flights whose measured position lies in a cell.
+def noise_of(passed: Sequence[Passed]) -> FloatArray:
+    """The covariance (2n, 2n) [m²] of the errors of the measured positions."""
+    return np.diag(np.repeat([fix.sd**2 for fix, _ in passed], 2))
 
-    ``told`` are the moments of y - x in the cell, ``sd`` [m] of the measurement.
+
+def learnt_in_cell(prior: Joint, told: Moments, noise: FloatArray) -> Learnt:
+    """The law of position, θ and own errors of the flights whose measured positions lie in cells.
+
+    ``told`` are the moments of y - x in the cells, ``noise`` (2n, 2n) [m²] is the covariance of the errors
+    of y.
 
     Eq. (M80) of docs/mathematics_methods.md.
     """
-    S = prior.cov + sd**2 * np.eye(2)
+    S = prior.among + noise
     inverse = np.linalg.inv(S)
     value, vector = np.linalg.eigh(S - told.cov)
     # Rows R with R' R = W: what the cell takes off the covariances.
     R = (vector * np.sqrt(np.maximum(value, 0.0))).T @ inverse
-    half, factor = R @ prior.cov, np.einsum("rs,scm->rcm", R, prior.cross)
+    half, factor = R @ prior.to.T, np.einsum("rs,scm->rcm", R, prior.cross)
     weight, own = inverse @ told.mean, R @ prior.own
     known = own @ prior.errors.root.T
     after = prior.cov - half.T @ half
     return Learnt(
-        mean=prior.mean + prior.cov @ weight,
+        mean=prior.mean + prior.to @ weight,
         cov=0.5 * (after + after.T),
         before=prior.cov,
         theta=np.einsum("rcm,r->cm", prior.cross, weight),
@@ -83,26 +103,47 @@ def learnt_in_cell(prior: Joint, told: Moments, sd: float) -> Learnt:
     )
 
 
-def course_in_cell(problem: Problem, x: FloatArray, fix: BranchFix, told: Moments) -> Flight:
-    """The flight along the means ``x`` (T+1, 2) with means and covariances of the flights in the cell.
+@dataclass(frozen=True, slots=True)
+class Course:
+    """The flights of one set of controls: means and covariances of all, and covariances over time."""
 
-    From the fix on; before it they belong to all flights. ``x`` are the means without a fix of the
-    controls of the plan to the fix, and of the branch from there.
+    flight: Flight
+    across: FloatArray
 
-    Eq. (M81) of docs/mathematics_methods.md.
-    """
-    law = unaided(problem.world.law)
-    flight = propagate(problem, x, law)
-    assert not hasattr(law, "landmarks")
-    across = cross_covariance(law, flight)  # type: ignore[arg-type]
-    k = fix.step
-    S = across[k, k] + fix.sd**2 * np.eye(2)
-    inverse = np.linalg.inv(S)
-    W = inverse @ (S - told.cov) @ inverse
-    means, cov = x.copy(), square_matrices(flight.cov)
-    for t in range(k, len(x)):
-        D = across[t, k]
-        means[t] = x[t] + D @ inverse @ told.mean
-        after = cov[t] - D @ W @ D.T
-        cov[t] = 0.5 * (after + after.T)
-    return flight._replace(x=means, cov=np.ascontiguousarray(cov.reshape(-1, 4)[:, [0, 1, 3]]))
+    @classmethod
+    def of(cls, problem: Problem, x: FloatArray) -> Course:
+        """The flights whose means are ``x`` (T+1, 2) [m], without a fix."""
+        law = unaided(problem.world.law)
+        flight = propagate(problem, x, law)
+        return cls(flight, cross_covariance(law, flight))  # type: ignore[arg-type]
+
+    def between(self, steps: Sequence[int], others: Sequence[int]) -> FloatArray:
+        """Cov(e_t, e_s) for t in ``steps`` and s in ``others``, (2n, 2m) [m²]."""
+        return np.block(
+            [[self.across[t, s] if t >= s else self.across[s, t].T for s in others] for t in steps]
+        )
+
+    def told(self, passed: Sequence[Passed]) -> Moments:
+        """The moments of the measured positions in the cells ``passed``."""
+        steps = [fix.step for fix, _ in passed]
+        return measured_moments(passed, self.between(steps, steps), self.flight.x[steps])
+
+    def given(self, passed: Sequence[Passed], told: Moments) -> Flight:
+        """The flight with means and covariances of the flights in the cells, from the last fix on.
+
+        Before it they belong to all flights.
+
+        Eq. (M81) of docs/mathematics_methods.md.
+        """
+        steps, x = [fix.step for fix, _ in passed], self.flight.x
+        S = self.between(steps, steps) + noise_of(passed)
+        inverse = np.linalg.inv(S)
+        W = inverse @ (S - told.cov) @ inverse
+        means, cov = x.copy(), square_matrices(self.flight.cov)
+        for t in range(steps[-1], len(x)):
+            D = self.between([t], steps)
+            means[t] = x[t] + D @ inverse @ told.mean
+            after = cov[t] - D @ W @ D.T
+            cov[t] = 0.5 * (after + after.T)
+        packed = np.ascontiguousarray(cov.reshape(-1, 4)[:, [0, 1, 3]])
+        return self.flight._replace(x=means, cov=packed)

@@ -22,7 +22,7 @@ DIFFERENCE = ("middle", "low", "high")
 
 
 def branches_document(tree: Branching, air: FlownAir | None) -> dict[str, Any]:
-    """The content of the key ``branches``."""
+    """The content of the key ``branches``, of a plan or of one of its branches."""
     fix = tree.fix
     return {
         "fix": {
@@ -38,7 +38,11 @@ def branches_document(tree: Branching, air: FlownAir | None) -> dict[str, Any]:
         "difference": dict(zip(DIFFERENCE, tree.difference, strict=True)),
         "length": tree.length,
         "point": tree.point,
-        "front": [{"leaves": row.leaves, "length": row.length, **asdict(row.rate)} for row in tree.front],
+        "bent": None if tree.bent is None else dict(zip(DIFFERENCE, tree.bent, strict=True)),
+        "front": [
+            {"leaves": row.leaves, "fixes": row.fixes, "length": row.length, **asdict(row.rate)}
+            for row in tree.front
+        ],
         "branches": [_branch_document(branch, air) for branch in tree.branches],
     }
 
@@ -59,6 +63,7 @@ def _branch_document(branch: Branch, air: FlownAir | None) -> dict[str, Any]:
         **{field.name: getattr(log, field.name) for field in fields(Navigation)},
         **calibrated,
         **{name: getattr(path, name) for name in BY_STEP},
+        **({} if branch.then is None else {"branches": branches_document(branch.then, air)}),
     }
 
 
@@ -77,12 +82,14 @@ def read_branches(content: Mapping[str, Any]) -> Branching:
         branches=tuple(_branch(row) for row in content["branches"]),
         rate=FailureRate.stated(content["rate"]),
         alone=FailureRate.stated(content["alone"]),
-        difference=tuple(float(content["difference"][key]) for key in DIFFERENCE),  # type: ignore[arg-type]
+        difference=_difference(content["difference"]),
         length=float(content["length"]),
         point=content["point"],
         front=tuple(
-            TreeRow(row["leaves"], FailureRate.stated(row), float(row["length"])) for row in content["front"]
+            TreeRow(row["leaves"], FailureRate.stated(row), float(row["length"]), row.get("fixes", 1))
+            for row in content["front"]
         ),
+        bent=None if content.get("bent") is None else _difference(content["bent"]),
     )
     tree.chosen(read.place[None])
     return tree
@@ -104,7 +111,15 @@ def _branch(row: Mapping[str, Any]) -> Branch:
     if log is None:
         raise ValueError(f"branches: branch {row['name']} has no airspeeds")
     cell = Cell(_ends(row["along"], "along"), _ends(row["left"], "left"))
-    return Branch(row["name"], cell, float(row["share"]), path, FailureRate.stated(row["rate"]), log)
+    then = read_branches(row["branches"]) if "branches" in row else None
+    if then is not None and not 1 <= then.fix.step - round(path.t[0] / (path.t[1] - path.t[0])) < size - 1:
+        raise ValueError(f"branches: the second fix of branch {row['name']} is not within it")
+    return Branch(row["name"], cell, float(row["share"]), path, FailureRate.stated(row["rate"]), log, then)
+
+
+def _difference(content: Mapping[str, Any]) -> tuple[float, float, float]:
+    middle, low, high = (float(content[key]) for key in DIFFERENCE)
+    return middle, low, high
 
 
 def _ends(pair: tuple[float | None, float | None], name: str) -> tuple[float, float]:

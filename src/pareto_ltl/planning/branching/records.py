@@ -1,9 +1,13 @@
-"""The records of a plan that branches: the fix, its cells, and the rest of the plan of each."""
+"""The records of a plan that branches: the fix, its cells, and the rest of the plan of each.
+
+A branch may branch again at a second fix, so that a plan with branches is a tree of at most two levels.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +19,8 @@ from pareto_ltl.world.cells import inside_depth
 from pareto_ltl.world.projection import Navigation
 
 TRUNK = -1  # the branch of a flight that takes no fix: the plan goes on
-NAMES = "ABCD"  # of the branches, in order
+NAMES = "ABCD"  # of the branches of a plan, in order; branch A goes on as A1, A2, ...
+LEVELS = 2  # fixes, one after another, at which a plan can branch
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +67,13 @@ class BranchFix:
         return inside_depth(self.landmark, x) >= 0.0
 
 
+class Passed(NamedTuple):
+    """A fix, and the cell that the position measured there lies in."""
+
+    fix: BranchFix
+    cell: Cell
+
+
 @dataclass(frozen=True, slots=True)
 class Branch:
     """One cell of a fix and the rest of the plan from there.
@@ -75,9 +87,11 @@ class Branch:
         From the step of the fix on: times since departure; ``x`` and ``cov`` belong to flights in the
         cell; the controls are what the robot flies.
     rate : FailureRate
-        Failure of the flights that fly this branch.
+        Failure of the flights that fly this branch, with its own branches.
     navigation : Navigation
         ``path`` in the terms of navigation.
+    then : Branching or None
+        What to fly after a second fix; None: the branch is flown to its end.
     """
 
     name: str
@@ -86,27 +100,32 @@ class Branch:
     path: PlannedPath
     rate: FailureRate
     navigation: Navigation
+    then: Branching | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class TreeRow:
-    """A row of the front of trees: ``leaves`` branches, 1 for none, its failure and expected length [m]."""
+    """A row of the front of trees: ``leaves`` tables to end on, 1 for none, failure and expected length [m].
+
+    ``fixes`` are the fixes that a flight can take.
+    """
 
     leaves: int
     rate: FailureRate
     length: float
+    fixes: int = 1
 
 
 @dataclass(frozen=True, slots=True)
 class Branching:
-    """What a plan does after a fix.
+    """What a plan, or a branch, does after a fix.
 
     Attributes
     ----------
     rate : FailureRate
-        Failure of fresh flights of the whole plan with its branches.
+        Failure of fresh flights of the whole plan with its branches; of a branch, of those that fly it.
     alone : FailureRate
-        Failure of the same flights without a fix: the plan alone.
+        Failure of the same flights without this fix and later ones.
     difference : (float, float, float)
         ``rate`` less ``alone``, and the ends of its 95 % interval by pairs.
     length : float
@@ -114,7 +133,11 @@ class Branching:
     point : int
         Number of the plan in ``front.csv``: it may be another path than the one that is best alone.
     front : tuple of TreeRow
-        What each number of branches was found to give, in the same flights, fewest branches first.
+        What each number of branches was found to give, in the same flights, fewest branches first; empty
+        for the branches of a branch.
+    bent : (float, float, float) or None
+        Failure with branches less the one of path ``point`` with its branches, and the ends of its 95 %
+        interval by pairs, if the plan is that path bent for its branches.
     """
 
     fix: BranchFix
@@ -125,6 +148,7 @@ class Branching:
     length: float
     point: int = 0
     front: tuple[TreeRow, ...] = ()
+    bent: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         if not 2 <= len(self.branches) <= len(NAMES):
@@ -133,6 +157,22 @@ class Branching:
     def chosen(self, y: FloatArray) -> IntArray:
         """The number of the branch for each measured position ``y`` (n, 2) [m]."""
         return cells_of(tuple(branch.cell for branch in self.branches), self.fix.distances(y))
+
+    @property
+    def fixes(self) -> int:
+        """The largest number of fixes that a flight takes."""
+        return 1 + max(0 if one.then is None else one.then.fixes for one in self.branches)
+
+    def all_branches(self) -> Iterator[tuple[Branching, Branch]]:
+        """Every branch with the tree that it belongs to: A, A1, A2, B, ..."""
+        for branch in self.branches:
+            yield self, branch
+            if branch.then is not None:
+                yield from branch.then.all_branches()
+
+    def ends(self) -> Iterator[Branch]:
+        """The branches that are flown to their ends if every fix is taken."""
+        return (branch for _, branch in self.all_branches() if branch.then is None)
 
 
 def cells_of(cells: tuple[Cell, ...], distances: FloatArray) -> IntArray:
@@ -144,7 +184,10 @@ def cells_of(cells: tuple[Cell, ...], distances: FloatArray) -> IntArray:
 
 
 def plan_on_branch(plan: Plan, branch: Branch) -> Plan:
-    """``plan`` up to its fix, then ``branch``: its promise is the rate of the flights that fly the branch."""
+    """``plan`` up to its fix, then ``branch``, which may branch again.
+
+    Its promise is the rate of the flights that fly the branch.
+    """
     assert plan.branching is not None
     step, log = plan.branching.fix.step, plan.navigation
 
@@ -163,4 +206,16 @@ def plan_on_branch(plan: Plan, branch: Branch) -> Plan:
         names = ("airspeed", "time_utc", "lat", "lon", "heading_true")
         log = replace(log, **{name: joined(log, branch.navigation, name) for name in names})
     promise = None if plan.promise is None else replace(plan.promise, rate=branch.rate)
-    return replace(plan, path=path, promise=promise, branching=None, limits=None, prices=(), navigation=log)
+    return replace(
+        plan, path=path, promise=promise, branching=branch.then, limits=None, prices=(), navigation=log
+    )  # fmt: skip
+
+
+def plans_on_branches(plan: Plan) -> Iterator[tuple[Plan, Branch, Plan]]:
+    """For every branch, in the order of its names: the plan that branches, the branch, the plan on it."""
+    if plan.branching is None:
+        return
+    for branch in plan.branching.branches:
+        on_it = plan_on_branch(plan, branch)
+        yield plan, branch, on_it
+        yield from plans_on_branches(on_it)

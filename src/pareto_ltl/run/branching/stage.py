@@ -15,12 +15,26 @@ from pareto_ltl.planning.costs.duration import hours_text
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.rates import FailureRate
 from pareto_ltl.planning.records import Front, Plan, PlannedPath
-from pareto_ltl.planning.refine.separation import allowed_risk
+from pareto_ltl.planning.refine import separation
+from pareto_ltl.planning.refine.separation import worst_segment
+from pareto_ltl.run.branching.bending import bent_tree
 from pareto_ltl.run.branching.rest_problem import World
-from pareto_ltl.run.branching.tree_search import Grower, Tree, branching_of, mixed_risk
+from pareto_ltl.run.branching.tree_plan import (
+    Grown,
+    drafted,
+    keeps_epsilon,
+    paying,
+    rated,
+    tree_rows,
+    with_second_fixes,
+)
+from pareto_ltl.run.branching.tree_search import Grower, Stem, Tree, worthwhile_leaves
 from pareto_ltl.settings import BranchConfig, RobotConfig
+from pareto_ltl.simulation.judging import count_failures
+from pareto_ltl.simulation.promise import fresh_promise
 from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.support.arrays import length_of
+from pareto_ltl.simulation.tree_flights import fly_tree
+from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.errors import ConfigError
@@ -28,7 +42,8 @@ from pareto_ltl.support.seeds import named_child
 from pareto_ltl.world.cells import inside_depth
 
 LOG = logging.getLogger(__name__)
-STREAM, PROMISED = "branches", "promised branches"
+STREAM, PROMISED = "branches", "promised branches"  # random streams of the search, of the promise,
+CONFIRMED, BENT = "confirmed branches", "bent trunk"  # of what is retained, of the promise without a fix
 TRUNKS = 2  # paths of the front that trees are grown on, the plan among them
 SAVED = 0.5  # of the failures after the fix: what branches are taken to save when trunks are compared
 
@@ -53,30 +68,90 @@ def branched_plan(
     for point in promising_trunks(grower, front, own, fixes):
         path = front.paths[point]
         allowed = fixes if point == own else fixes_on(cfg, world.settings.robot, problem, path)
-        shoots += [replace(grower.begun(path, fix), point=point) for fix in allowed]
-    tree = grower.grown(min(shoots, key=grower.best_score))
-    number = worthwhile_leaves(tree)
-    rows = tuple(
-        TreeRow(
-            k, FailureRate.counted(problem.fidelity.law, int(one.failed.sum()), len(one.failed)), one.length
-        )
-        for k, one in enumerate(tree.divisions, 1)
-    )
+        shoots += [replace(grower.begun(Stem.trunk(path), fix), point=point) for fix in allowed]
+    law, runs = problem.fidelity.law, world.settings.selection.runs
+    straight, number = best_tree(grower, shoots, cfg.fixes)
     if number == 1:
-        LOG.warning("branches do not pay: %s; the plan has none", _row_text(rows))
+        LOG.warning(
+            "branches do not pay: %s; the plan has none",
+            _row_text(tree_rows(law, straight, Grown(straight, 1))),
+        )
         return plan
-    made, pays = branching_of(
-        problem, tree, number, world.settings.selection.runs, named_child(seeds, PROMISED), rows
-    )
-    if not pays or not keeps_epsilon(problem, tree, number):
-        why = "a segment would break planner.epsilon" if pays else "fresh flights show no gain"
-        LOG.warning("branches do not pay: %s (%s); the plan has none", why, _row_text(rows))
+    confirmed = named_child(seeds, CONFIRMED)
+    trunk = front.paths[straight.point]
+    path, tree = bent_if_better(grower, trunk, straight, number, runs, confirmed)
+    grown = Grown(tree, number)
+    if cfg.fixes > 1:
+        robot = world.settings.robot
+        grown = with_second_fixes(grower, tree, number, lambda stem: later_fixes(cfg, robot, problem, stem))
+        grown = paying(grown, fly_tree(problem, path, drafted(problem, grown), runs, confirmed))
+    rows = tree_rows(law, straight, grown)
+    promised = named_child(seeds, PROMISED)
+    flown = fly_tree(problem, path, drafted(problem, grown), runs, promised)
+    made = replace(rated(law, drafted(problem, grown), flown, path.x), front=rows)
+    if made.difference[2] >= 0.0 or not keeps_epsilon(problem, grown):
+        why = (
+            "a segment would break planner.epsilon"
+            if made.difference[2] < 0.0
+            else "fresh flights show no gain"
+        )
+        LOG.warning("branches do not pay: %s (%s); the plan has none", _row_text(rows), why)
         return plan
     LOG.info(
         "branches %s after departure: %s", hours_text(tree.fix.step * problem.motion.dt), _row_text(rows)
     )
     base = plan if tree.point == own else at_point(tree.point)
+    if path is not trunk:
+        unbent = fly_tree(problem, trunk, drafted(problem, Grown(straight, number)), runs, promised)
+        made = replace(made, bent=paired_difference(unbent.failed, flown.before[:, 1]))
+        base = bent_plan(world, base, path, named_child(seeds, BENT), confirmed)
     return replace(base, branching=made)
+
+
+def best_tree(grower: Grower, shoots: Sequence[Tree], fixes: int) -> tuple[Tree, int]:
+    """The tree that grows from the best of ``shoots``, and the number of its branches that pay.
+
+    For a plan with two ``fixes`` the first one is before another one, if trees with it pay.
+    """
+    ranked = sorted(shoots, key=grower.best_score)
+    if fixes > 1:
+        last = max(tree.fix.step for tree in shoots)
+        first = next((tree for tree in ranked if tree.fix.step < last), None)
+        if first is not None and first is not ranked[0]:
+            grown = grower.grown(first)
+            if (number := worthwhile_leaves(grown)) > 1:
+                return grown, number
+    tree = grower.grown(ranked[0])
+    return tree, worthwhile_leaves(tree)
+
+
+def bent_if_better(
+    grower: Grower, trunk: PlannedPath, tree: Tree, number: int, runs: int, seeds: SeedSequence
+) -> tuple[PlannedPath, Tree]:
+    """The trunk bent for its branches, if fresh flights fail significantly less with it; else as it is."""
+    problem = grower.problem
+    found = bent_tree(grower, trunk, tree, number) if grower.world.settings.branch.fit_trunk else None
+    if found is None:
+        return trunk, tree
+    path, better = found
+    pair = [(trunk, tree), (path, better)]
+    flown = [fly_tree(problem, one, drafted(problem, Grown(own, number)), runs, seeds) for one, own in pair]
+    difference = paired_difference(*(one.failed for one in flown))
+    if difference[2] >= 0.0 or not keeps_epsilon(problem, Grown(better, number)):
+        LOG.info("the bent trunk is not taken: difference %.2f points", 100.0 * difference[0])
+        return trunk, tree
+    return path, better
+
+
+def bent_plan(world: World, base: Plan, path: PlannedPath, seeds: SeedSequence, claim: SeedSequence) -> Plan:
+    """``base`` with the bent trunk ``path`` in the place of its path, and with the promise of it."""
+    problem, runs = world.problem, world.settings.selection.runs
+    claimed = FailureRate.counted(problem.fidelity.law, count_failures(problem, path, runs, claim), runs)
+    return replace(
+        base, path=path, navigation=problem.scene.frame.navigation(path.t, path.x, path.u),
+        promise=fresh_promise(problem, world.wind, path, claimed, runs, seeds),
+        worst=worst_segment(problem, path), epsilon_kept=separation.keeps_epsilon(problem, path),
+    )  # fmt: skip
 
 
 def _row_text(rows: Sequence[TreeRow]) -> str:
@@ -86,11 +161,6 @@ def _row_text(rows: Sequence[TreeRow]) -> str:
         f"{name} {rate_text(row.rate.failure, row.rate.low, row.rate.high)}"
         for name, row in zip(names, rows, strict=True)
     )
-
-
-def keeps_epsilon(problem: Problem, tree: Tree, number: int) -> bool:
-    """Whether the flights of all branches together keep ``planner.epsilon`` in every segment."""
-    return bool((mixed_risk(problem, tree, number) <= allowed_risk(problem) * (1.0 + 1e-6)).all())
 
 
 # --- where -----------------------------------------------------------------------------------------
@@ -109,6 +179,11 @@ def possible_fixes(
                 f"{steps * dt / 3600.0:.4g} h after departure: give times after its first and before its "
                 "last step"
             )
+    if cfg.at and cfg.fixes > 1 and len({round(3600.0 * hours / dt) for hours in cfg.at}) < 2:
+        raise ConfigError(
+            f"branch.fixes = {cfg.fixes} needs two different times in branch.at, got {cfg.at}: give the "
+            "times of both fixes, e.g. branch.at=[5.0, 9.0], or branch.fixes=1"
+        )
     found = fixes_on(cfg, robot, problem, path)
     if not found:
         what = "the plan meets none of scene.landmarks"
@@ -120,9 +195,20 @@ def possible_fixes(
     return found
 
 
+def later_fixes(cfg: BranchConfig, robot: RobotConfig, problem: Problem, stem: Stem) -> list[BranchFix]:
+    """The fixes that a flight of ``stem`` can take after those that it has passed."""
+    last = stem.passed[-1].fix.step
+    return [fix for fix in fixes_along(cfg, robot, problem, stem.x) if fix.step > last]
+
+
 def fixes_on(cfg: BranchConfig, robot: RobotConfig, problem: Problem, path: PlannedPath) -> list[BranchFix]:
-    """The fixes that a flight of ``path`` can take: at ``branch.at``, or in landmarks that it passes."""
-    dt, steps, x = problem.motion.dt, len(path.u), path.x
+    """The fixes that a flight of ``path`` can take."""
+    return fixes_along(cfg, robot, problem, path.x)
+
+
+def fixes_along(cfg: BranchConfig, robot: RobotConfig, problem: Problem, x: FloatArray) -> list[BranchFix]:
+    """The fixes of a flight along ``x`` (T+1, 2) [m]: at ``branch.at``, or in landmarks that it passes."""
+    dt, steps = problem.motion.dt, len(x) - 1
 
     def fix(step: int, sd: float, landmark: int | None = None) -> BranchFix:
         ahead = x[step] - x[step - 1]
@@ -159,11 +245,12 @@ class Outlook:
 def promising_trunks(grower: Grower, front: Front, own: int, fixes: Sequence[BranchFix]) -> list[int]:
     """The plan, and with ``selection.rule=worth`` the path of the front that is likely to be the best trunk.
 
-    Other rules take their path for other reasons.
+    Other rules take their path for other reasons, and ``branch.fit_trunk=false`` takes the plan.
     A path is taken to fail as often as its flights are lost at the fix, and :data:`SAVED` of the others that
     fail without one.
     """
-    if grower.world.settings.selection.rule != "worth":
+    settings = grower.world.settings
+    if settings.selection.rule != "worth" or not settings.branch.fit_trunk:
         return [own]
     step = fixes[0].step
     outlooks = []
@@ -188,16 +275,3 @@ def outlook(grower: Grower, path: PlannedPath, step: int) -> float:
     trapped = [np.isinf(problem.logic.distance[problem.states(x[i, : step + 1])[-1]]) for i in rows]
     lost[rows] = np.array(trapped, bool)
     return float(lost.mean() + (1.0 - SAVED) * (failed & ~lost).mean())
-
-
-def worthwhile_leaves(tree: Tree) -> int:
-    """The fewest branches of ``tree`` beyond which more do not reduce the failures significantly.
-
-    The first ones must also fail less than one rest for all flights: else the search has found a better
-    trunk, and the fix says nothing.
-    """
-    number, least = 1, [tree.divisions[0].failed, tree.single.failed]
-    for more, division in enumerate(tree.divisions[1:], 2):
-        if all(paired_difference(failed, division.failed)[2] < 0.0 for failed in least):
-            number, least = more, [division.failed]
-    return number

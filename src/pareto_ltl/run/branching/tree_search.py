@@ -1,10 +1,11 @@
 """The search for a tree: which fix, which cells, which rest of the plan in each (docs/branching.md).
 
-For a trunk and a fix, rests of the flight are searched for in four quadrants around the planned position. All
-rests, the rest of the trunk among them, are then flown by all flights, so that any division of the plane into
-cells is judged by a table: which flights fail with which rest. Cells and rests are chosen from it; the rests
-are searched for again in the chosen cells, and the cells are drawn again. Flights of the choice are none of
-those that rests are fitted to; flights of the promise are neither.
+A stem is a trunk, or a branch that may branch again. For a stem and a fix, rests of the flight are searched
+for in four quadrants around the planned position. All rests, the rest of the stem among them, are then flown
+by all flights, so that any division of the plane into cells is judged by a table: which flights fail with
+which rest. Cells and rests are chosen from it; the rests are searched for again in the chosen cells, and the
+cells are drawn again. Flights of the choice are none of those that rests are fitted to; flights of the
+promise are neither.
 """
 
 from __future__ import annotations
@@ -18,32 +19,18 @@ from itertools import combinations, pairwise
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.planning.branching.belief import (
-    course_in_cell,
-    learnt_in_cell,
-    measured_moments,
-    prior_at,
-)
+from pareto_ltl.planning.branching.belief import Course, learnt_in_cell, noise_of, prior_at
 from pareto_ltl.planning.branching.cells import EVERYWHERE, Cell, Ends, Moments
-from pareto_ltl.planning.branching.records import (
-    NAMES,
-    TRUNK,
-    Branch,
-    BranchFix,
-    Branching,
-    TreeRow,
-    cells_of,
-)
-from pareto_ltl.planning.evaluate import mission_order_text, propagate_controls
+from pareto_ltl.planning.branching.records import TRUNK, BranchFix, Passed, cells_of
+from pareto_ltl.planning.evaluate import propagate_controls
 from pareto_ltl.planning.problem import Problem, unaided
-from pareto_ltl.planning.rates import FailureRate
-from pareto_ltl.planning.records import Objectives, PlannedPath
+from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine import sampled_paths
 from pareto_ltl.planning.refine.separation import allowed_risk, separation
 from pareto_ltl.planning.selection_rules import SMALL
 from pareto_ltl.run.branching.rest_problem import World, rest_of_flight
-from pareto_ltl.simulation.tree_flights import TreeFlights, fly_tree, whole_controls
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, length_of, square_matrices
+from pareto_ltl.simulation.tree_flights import TreeFlights, whole_controls
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, length_of
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import DataError, InfeasibleError
 
@@ -53,12 +40,53 @@ LEAST_FLIGHTS = 50  # of a cell: fewer say nothing
 RESTS = 6  # rests retained of a cell
 PLACES = 9  # at which a line is tried, from the 10th to the 90th percentile
 ROUNDS = 2  # in which rests are searched for again in the cells that were drawn
+LATER_ROUNDS = 1  # the same, of a second fix
+SELDOM = 1e-3  # share of all flights: a cell in which fewer fail is not divided again
 SOME = 0.05  # share of the flights of a cell in an automaton state for which a rest is searched for
 QUADRANTS = tuple(
     Cell(along, left)
     for along in ((0.0, math.inf), (-math.inf, 0.0))
     for left in ((0.0, math.inf), (-math.inf, 0.0))
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Stem:
+    """What is flown up to a fix, and on without it.
+
+    Attributes
+    ----------
+    u : (T, 2) float
+        Controls, from the departure on [m/s].
+    means : (T+1, 2) float
+        Expected positions [m] of all flights of these controls, without a fix.
+    x : (T+1, 2) float
+        The same of the flights in the cells that were passed, from the last one on.
+    q : (T+1,) int
+        Automaton states along ``x``.
+    passed : tuple of Passed
+        Fixes before, each with the cell that selected this stem.
+    """
+
+    u: FloatArray
+    means: FloatArray
+    x: FloatArray
+    q: IntArray
+    passed: tuple[Passed, ...] = ()
+
+    @classmethod
+    def trunk(cls, path: PlannedPath) -> Stem:
+        """The stem of a path of the front."""
+        return cls(path.u, path.x, path.x, path.q)
+
+    @property
+    def level(self) -> int:
+        """The number of fixes before."""
+        return len(self.passed)
+
+    def past(self, fix: BranchFix, cell: Cell) -> tuple[Passed, ...]:
+        """The cells of flights that a further ``fix`` puts into ``cell``."""
+        return (*self.passed, Passed(fix, cell))
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +98,9 @@ class Table:
     y : (n, 2) float
         Distances along and left of the measured positions [m].
     taken : (n,) bool
-        Flights that take the fix; the others fly the trunk.
+        Flights that take the fix; the others fly the stem.
     failed : (n, R) bool
-        Whether flight i fails with rest r; rest 0 is the rest of the trunk.
+        Whether flight i fails with rest r; rest 0 is the rest of the stem.
     length : (R,) float
         Length of the whole plan with each rest [m].
     """
@@ -100,12 +128,12 @@ class Division:
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """A trunk, a fix, and the best division for each number of branches, one being the trunk alone.
+    """A stem, a fix, and the best division for each number of branches, one being the stem alone.
 
     ``single`` is the best rest for all flights that take the fix: what a fix that says nothing would give.
     """
 
-    trunk: PlannedPath
+    stem: Stem
     fix: BranchFix
     rests: tuple[FloatArray, ...]
     divisions: tuple[Division, ...]
@@ -133,6 +161,16 @@ class Grower:
             world.settings.branch.leaves,
         )  # fmt: skip
 
+    def within(self, stem: Stem, fix: BranchFix, cell: Cell) -> Grower:
+        """The same search in the flights that ``fix`` puts into ``cell``."""
+
+        def inside(winds: TreeFlights) -> TreeFlights:
+            at = winds.flown(np.ascontiguousarray(stem.u[: fix.step]))[:, -1]
+            y, taken = winds.measured(fix, at, stem.level)
+            return winds.only(np.flatnonzero(taken & cell.holds(fix.distances(y))))
+
+        return replace(self, fitted=inside(self.fitted), judged=inside(self.judged))
+
     @property
     def problem(self) -> Problem:
         """The problem of the whole flight, without fixes."""
@@ -149,45 +187,46 @@ class Grower:
 
     # --- one tree ---
 
-    def begun(self, trunk: PlannedPath, fix: BranchFix) -> Tree:
+    def begun(self, stem: Stem, fix: BranchFix) -> Tree:
         """The best trees with rests that were searched for around the planned position."""
-        rests: list[FloatArray] = [trunk.u[fix.step :]]
+        rests: list[FloatArray] = [stem.u[fix.step :]]
         for cell in QUADRANTS if self.leaves > 2 else _halves():
-            rests += self.rests_in(trunk, fix, cell)
-        return self.tree(trunk, fix, rests, self.table(trunk, fix, rests))
+            rests += self.rests_in(stem, fix, cell)
+        return self.tree(stem, fix, rests, self.table(stem, fix, rests))
 
-    def grown(self, tree: Tree) -> Tree:
+    def grown(self, tree: Tree, rounds: int = ROUNDS) -> Tree:
         """``tree`` with rests that were searched for again in its cells, and with cells drawn again."""
-        for _ in range(ROUNDS):
-            more = [u for cell in tree.divisions[-1].cells for u in self.rests_in(tree.trunk, tree.fix, cell)]
+        for _ in range(rounds):
+            more = [u for cell in tree.divisions[-1].cells for u in self.rests_in(tree.stem, tree.fix, cell)]
             if not more:
                 break
-            table = self.with_rests(tree.table, tree.trunk, tree.fix, more)
-            tree = replace(self.tree(tree.trunk, tree.fix, [*tree.rests, *more], table), point=tree.point)
+            table = self.with_rests(tree.table, tree.stem, tree.fix, more)
+            tree = replace(self.tree(tree.stem, tree.fix, [*tree.rests, *more], table), point=tree.point)
         return tree
 
-    def tree(self, trunk: PlannedPath, fix: BranchFix, rests: Sequence[FloatArray], table: Table) -> Tree:
+    def tree(self, stem: Stem, fix: BranchFix, rests: Sequence[FloatArray], table: Table) -> Tree:
         """The best division for each number of branches."""
         divisions = tuple(self.divided(table, number) for number in range(1, self.leaves + 1))
-        return Tree(trunk, fix, tuple(rests), divisions, table, self.of_cells(table, (Cell(),)))
+        return Tree(stem, fix, tuple(rests), divisions, table, self.of_cells(table, (Cell(),)))
 
     def best_score(self, tree: Tree) -> float:
         """The best score of ``tree`` with any number of branches."""
         return min(self.score(one.failure, one.length) for one in tree.divisions)
 
-    def rests_in(self, trunk: PlannedPath, fix: BranchFix, cell: Cell) -> list[FloatArray]:
+    def rests_in(self, stem: Stem, fix: BranchFix, cell: Cell) -> list[FloatArray]:
         """Controls of rests that few of the flights in ``cell`` fail with."""
         winds, k = self.fitted, fix.step
-        x = winds.flown(np.ascontiguousarray(trunk.u[:k]))
-        y, taken = winds.measured(fix, x[:, -1])
+        x = winds.flown(np.ascontiguousarray(stem.u[:k]))
+        y, taken = winds.measured(fix, x[:, -1], stem.level)
         rows = np.flatnonzero(taken & cell.holds(fix.distances(y)))
         if len(rows) < LEAST_FLIGHTS:
             return []
+        passed = stem.past(fix, cell)
         try:
-            told = measured_moments(fix, cell, trunk.cov[k])
+            told = Course.of(self.problem, stem.means).told(passed)
         except ValueError:
             return []
-        learnt = learnt_in_cell(prior_at(self.problem, fix, trunk.x), told, fix.sd)
+        learnt = learnt_in_cell(prior_at(self.problem, passed, stem.means), told, noise_of(passed))
         state = np.array([self.problem.states(flight)[-1] for flight in x[rows]])
         found: list[tuple[float, FloatArray]] = []
         for q in self.open_states(state):
@@ -199,13 +238,13 @@ class Grower:
             except (InfeasibleError, DataError) as error:
                 LOG.info("no rest of the flight %s: %s", cell.words, error)
                 continue
-            found += [(self.worth_of(winds.only(rows), trunk, k, path.u), path.u) for path in paths]
+            found += [(self.worth_of(winds.only(rows), stem, k, path.u), path.u) for path in paths]
         found.sort(key=lambda pair: pair[0])
-        return [u for _, u in found[:RESTS] if self.can_be_flown(trunk, fix, told, u)]
+        return [u for _, u in found[:RESTS] if self.can_be_flown(stem, passed, told, u)]
 
-    def worth_of(self, winds: TreeFlights, trunk: PlannedPath, step: int, rest: FloatArray) -> float:
+    def worth_of(self, winds: TreeFlights, stem: Stem, step: int, rest: FloatArray) -> float:
         """The score of one rest for the flights of a cell."""
-        u = whole_controls(trunk.u, step, rest)
+        u = whole_controls(stem.u, step, rest)
         length = length_of(expected_means(self.problem, u))
         return self.score(float(winds.failed(u).mean()), length)
 
@@ -216,30 +255,29 @@ class Grower:
         able = (count >= max(SOME * len(state), LEAST_FLIGHTS)) & np.isfinite(distance) & (distance > 0.0)
         return [int(one) for one in q[able][np.argsort(-count[able])]]
 
-    def can_be_flown(self, trunk: PlannedPath, fix: BranchFix, told: Moments, rest: FloatArray) -> bool:
+    def can_be_flown(self, stem: Stem, passed: tuple[Passed, ...], told: Moments, rest: FloatArray) -> bool:
         """Whether the flights of a cell keep epsilon in each segment of ``rest``, within the energy."""
-        u, energy = whole_controls(trunk.u, fix.step, rest), self.problem.energy
+        k, energy = passed[-1].fix.step, self.problem.energy
+        u = whole_controls(stem.u, k, rest)
         capacity = math.inf if energy is None or energy.capacity is None else energy.capacity
         if energy is not None and energy.of(u, self.problem.motion.dt) > capacity:
             return False
-        risk = segment_risks(self.problem, expected_means(self.problem, u), fix, told)
-        return bool((risk[fix.step :] <= allowed_risk(self.problem) * (1.0 + 1e-6)).all())
+        risk = segment_risks(self.problem, u, passed, told)
+        return bool((risk[k:] <= allowed_risk(self.problem) * (1.0 + 1e-6)).all())
 
     # --- the table ---
 
-    def table(self, trunk: PlannedPath, fix: BranchFix, rests: Sequence[FloatArray]) -> Table:
+    def table(self, stem: Stem, fix: BranchFix, rests: Sequence[FloatArray]) -> Table:
         """Which of the flights of the choice fail with which of ``rests``."""
         winds, k = self.judged, fix.step
-        at = winds.flown(np.ascontiguousarray(trunk.u[:k]))[:, -1]
-        y, taken = winds.measured(fix, at)
+        at = winds.flown(np.ascontiguousarray(stem.u[:k]))[:, -1]
+        y, taken = winds.measured(fix, at, stem.level)
         empty = Table(fix.distances(y), taken, np.zeros((len(winds), 0), bool), np.zeros(0))
-        return self.with_rests(empty, trunk, fix, rests)
+        return self.with_rests(empty, stem, fix, rests)
 
-    def with_rests(
-        self, table: Table, trunk: PlannedPath, fix: BranchFix, rests: Sequence[FloatArray]
-    ) -> Table:
+    def with_rests(self, table: Table, stem: Stem, fix: BranchFix, rests: Sequence[FloatArray]) -> Table:
         """``table`` with further columns."""
-        controls = [whole_controls(trunk.u, fix.step, rest) for rest in rests]
+        controls = [whole_controls(stem.u, fix.step, rest) for rest in rests]
         failed = np.stack([self.judged.failed(u) for u in controls], axis=1)
         length = np.array([length_of(expected_means(self.problem, u)) for u in controls])
         return replace(
@@ -247,7 +285,7 @@ class Grower:
         )
 
     def divided(self, table: Table, leaves: int) -> Division:
-        """The best division into ``leaves`` cells; into one: the trunk alone."""
+        """The best division into ``leaves`` cells; into one: the stem alone."""
         if leaves == 1:
             return self.of_cells(table, (Cell(),), only=1)
         found = [self.of_cells(table, cells) for cells in divisions(table.y[table.taken], leaves)]
@@ -255,12 +293,12 @@ class Grower:
 
     def of_cells(self, table: Table, cells: tuple[Cell, ...], only: int | None = None) -> Division:
         """The best rest, of the first ``only``, in each of ``cells``."""
-        trunk = table.failed[:, 0]
-        p, L = float(trunk.mean()), float(table.length[0])
-        price = self.saving * (p + SMALL) / L  # [1/m] of failure rate, at the trunk
+        alone = table.failed[:, 0]
+        p, L = float(alone.mean()), float(table.length[0])
+        price = self.saving * (p + SMALL) / L  # [1/m] of failure rate, at the stem
         number = np.where(table.taken, cells_of(cells, table.y), TRUNK)
-        rests, failed = [], trunk.copy()
-        length = np.full(len(trunk), L)
+        rests, failed = [], alone.copy()
+        length = np.full(len(alone), L)
         for k in range(len(cells)):
             rows = number == k
             cost = table.failed[rows, :only].mean(axis=0) + price * table.length[:only] if rows.any() else [0]
@@ -275,25 +313,23 @@ def expected_means(problem: Problem, u: FloatArray) -> FloatArray:
     return propagate_controls(problem, u, unaided(problem.world.law)).x
 
 
-def segment_risks(problem: Problem, x: FloatArray, fix: BranchFix, told: Moments) -> FloatArray:
-    """The probability of a collision in each segment (T,) of the flights in a cell."""
-    return np.asarray(separation(problem, course_in_cell(problem, x, fix, told)).risk, float)
+def segment_risks(problem: Problem, u: FloatArray, passed: tuple[Passed, ...], told: Moments) -> FloatArray:
+    """The probability of a collision in each segment (T,) of the flights in cells that fly ``u`` (T, 2)."""
+    course = Course.of(problem, expected_means(problem, u))
+    return np.asarray(separation(problem, course.given(passed, told)).risk, float)
 
 
-def mixed_risk(problem: Problem, tree: Tree, number: int) -> FloatArray:
-    """Probability of a collision in each segment from the fix on, of the flights of all branches together.
+def worthwhile_leaves(tree: Tree) -> int:
+    """The fewest branches of ``tree`` beyond which more do not reduce the failures significantly.
 
-    Branches have unlike numbers of steps; what has ended collides no more. Flights without a fix are left
-    out: the trunk keeps ``planner.epsilon`` by itself.
+    The first ones must also fail less than one rest for all flights: else the search has found a better
+    stem, and the fix says nothing.
     """
-    division, fix, k = tree.divisions[number - 1], tree.fix, tree.fix.step
-    total = np.zeros(max(len(u) for u in tree.rests))
-    for cell, rest in zip(division.cells, division.rests, strict=True):
-        told = measured_moments(fix, cell, tree.trunk.cov[k])
-        u = whole_controls(tree.trunk.u, k, tree.rests[rest])
-        risk = segment_risks(problem, expected_means(problem, u), fix, told)[k:]
-        total[: len(risk)] += told.share * risk
-    return total
+    number, least = 1, [tree.divisions[0].failed, tree.single.failed]
+    for more, division in enumerate(tree.divisions[1:], 2):
+        if all(paired_difference(failed, division.failed)[2] < 0.0 for failed in least):
+            number, least = more, [division.failed]
+    return number
 
 
 def _halves() -> tuple[Cell, ...]:
@@ -343,72 +379,3 @@ def rounded_places(distance: FloatArray) -> list[float]:
     unit = 10.0 ** math.floor(math.log10(max(sd, 1e-9))) / 2.0  # half of a power of ten: at least sd / 20
     at = np.quantile(distance, np.linspace(0.1, 0.9, PLACES))
     return sorted({0.0, *(float(unit * round(place / unit)) for place in at)})
-
-
-# --- from a tree to a plan ------------------------------------------------------------------------
-
-
-def branching_of(
-    problem: Problem, tree: Tree, number: int, runs: int, seeds: SeedSequence, front: Sequence[TreeRow]
-) -> tuple[Branching, bool]:
-    """The tree with ``number`` branches as a record, promised by ``runs`` fresh flights; whether it pays."""
-    division, fix, trunk = tree.divisions[number - 1], tree.fix, tree.trunk
-    law = problem.fidelity.law
-    told = [measured_moments(fix, cell, trunk.cov[fix.step]) for cell in division.cells]
-    unknown = FailureRate(law, 0.0, 0.0, 1.0, 1)
-    frame, paths = problem.scene.frame, []
-    for rest, moments in zip(division.rests, told, strict=True):
-        paths.append(branch_path(problem, tree, rest, moments))
-    branches = tuple(
-        Branch(NAMES[k], cell, moments.share, path, unknown, frame.navigation(path.t, path.x, path.u))
-        for k, (cell, moments, path) in enumerate(zip(division.cells, told, paths, strict=True))
-    )
-    draft = Branching(fix, branches, unknown, unknown, (0.0, 0.0, 0.0), 0.0)
-    flown = fly_tree(problem, trunk, draft, runs, seeds)
-
-    def rate(failed: BoolArray) -> FailureRate:
-        return FailureRate.counted(law, int(failed.sum()), max(len(failed), 1))
-
-    own = [flown.failed[flown.branch == k] for k in range(len(branches))]
-    branches = tuple(replace(one, rate=rate(failed)) for one, failed in zip(branches, own, strict=True))
-    taken = float((flown.branch != TRUNK).mean())
-    begun = length_of(trunk.x[: fix.step + 1])
-    length = (1.0 - taken) * length_of(trunk.x) + taken * sum(
-        one.share * (begun + length_of(one.path.x)) for one in branches
-    )
-    made = Branching(
-        fix, branches, rate(flown.failed), rate(flown.alone), paired_difference(flown.alone, flown.failed),
-        float(length), tree.point, tuple(front),
-    )  # fmt: skip
-    return made, made.difference[2] < 0.0
-
-
-def branch_path(problem: Problem, tree: Tree, rest: int, told: Moments) -> PlannedPath:
-    """The rest number ``rest`` as a path: means and covariances of the flights in the cell."""
-    k, trunk = tree.fix.step, tree.trunk
-    u = whole_controls(trunk.u, k, tree.rests[rest])
-    course = course_in_cell(problem, expected_means(problem, u), tree.fix, told)
-    x, cov = course.x[k:], square_matrices(course.cov)[k:]
-    q, cell = states_from(problem, int(trunk.q[k]), x, k)
-    unknown = math.nan
-    return PlannedPath(
-        t=problem.motion.dt * np.arange(k, k + len(x), dtype=float),
-        x=x,
-        cov=cov,
-        q=q,
-        label=tuple(problem.decomposition.labels[c] if c >= 0 else frozenset() for c in cell.tolist()),
-        u=tree.rests[rest],
-        objectives=Objectives(problem.costs_of(x, tree.rests[rest]), unknown, unknown, unknown, unknown),
-        origin="the rest of the plan" if rest == 0 else f"rest {rest} of the branches",
-        order=mission_order_text(problem, q, cell),
-    )
-
-
-def states_from(problem: Problem, state: int, x: FloatArray, step: int) -> tuple[IntArray, IntArray]:
-    """Automaton states and cells (n,) of positions ``x`` (n, 2), read from ``step`` on, from ``state``."""
-    cell = problem.locate(x)
-    logic, q = problem.logic, [state]
-    for t in range(1, len(x)):
-        epoch = int(logic.epoch[min(step + t, len(logic.epoch) - 1)])
-        q.append(int(logic.delta[epoch, q[-1], cell[t]]))
-    return np.array(q, np.int64), cell

@@ -1,6 +1,7 @@
 // A plan while it is made and after: progress, front, path with ellipses, wind, what limits it, files, a fix.
 
 import { ask, download, follow } from "./api.js";
+import { branchNote, branchShapes } from "./branches.js";
 import { localText } from "./clock.js";
 import { ellipse, ellipses, flown, stepLines, track, vehicle } from "./flight.js";
 import { drawFront } from "./front.js";
@@ -220,7 +221,7 @@ export class Result {
     byId("trade").textContent = tradeText(this.front.points, this.shown, this.front.promise?.floor);
     this.showComparison();
     byId("warnings").replaceChildren(...(this.state?.warnings ?? []).map(text => html("li", {}, text)));
-    byId("front-note").textContent = this.checking ? `${POINTS} ${CHECKING}` : POINTS;
+    byId("front-note").textContent = [POINTS, ...this.checking ? [CHECKING] : [], ...view.tree ? [branchNote(view.tree)] : []].join(" ");
   }
 
   /** Keep the point that is shown, beside others that were kept, also of other plans; once more: let it go. */
@@ -311,7 +312,7 @@ export class Result {
   shapes(map) {
     if (!this.view || !this.front) return [...this.early.map(point => track(map, point.line ?? [], "early")), track(map, this.early[this.looked]?.line ?? [])];
     const { view, step } = this, flights = byId("layer-flights").checked ? flown(map, view.flights, step) : [];
-    const parts = [...this.studies.beaconShapes(map), ...flights, ...this.pinned.map((one, k) => track(map, one.view.line, `pinned kept-${k % 4}`)), ...ellipses(map, view), track(map, view.line), ellipse(map, view, step, "now"), ...vehicle(map, view, step, stepLines(map, view, step).join("\n"))];
+    const parts = [...this.studies.beaconShapes(map), ...flights, ...this.pinned.map((one, k) => track(map, one.view.line, `pinned kept-${k % 4}`)), ...ellipses(map, view), ...view.tree ? branchShapes(map, view.tree) : [], track(map, view.line), ellipse(map, view, step, "now"), ...vehicle(map, view, step, stepLines(map, view, step).join("\n"))];
     if (this.fix) { const [x, y] = map.at(this.fix); parts.push(svg("circle", { class: "fix", "data-fix": "", cx: x, cy: y, r: 11 }), svg("path", { class: "fixcross", d: `M${x - 16} ${y}H${x + 16}M${x} ${y - 16}V${y + 16}` })); }
     return parts;
   }

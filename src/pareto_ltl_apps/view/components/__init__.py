@@ -17,8 +17,8 @@ FOLDER = "pareto_ltl_apps.view.components"
 STYLE = "components.css"
 # Each module comes after those that it imports.
 MODULES = (
-    "shapes.js", "geo.js", "map.js", "ground.js", "wind.js", "flight.js", "front.js", "risk.js",
-    "machine.js", "player.js",
+    "shapes.js", "geo.js", "map.js", "ground.js", "wind.js", "flight.js", "branches.js", "front.js",
+    "risk.js", "machine.js", "player.js",
 )  # fmt: skip
 IMPORT = re.compile(r'^import \{[^}]*\} from "\./[a-z]+\.js";\n', re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(async )?(const|function|class) )", re.MULTILINE)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pareto_ltl import Scene
 from pareto_ltl.extend import Deployment, FailureRate, Front, Plan, cost_named
 from pareto_ltl.support.display import (
     distance_text,
@@ -101,6 +102,7 @@ def page_content(run: ShownRun) -> Content:
         "paths": paths,
         "flights": flights,
         "medium": run.medium._asdict(),
+        "tree": None if plan is None or plan.branching is None else shown_tree(run.scene, plan),
         "places": [] if limits is None else limits.places(),
         "pricedObstacles": [] if plan is None else priced_obstacles(plan),
         "causes": list(Deployment.CAUSES),
@@ -127,6 +129,26 @@ def page_content(run: ShownRun) -> Content:
         "origin": run.origin,
     }
     return Content(texts, data)
+
+
+def shown_tree(scene: Scene, plan: Plan) -> dict[str, Any]:
+    """The branches of ``plan`` for a map: lines, names, cells in words, shares; the places of the fixes.
+
+    ``trunk`` is the line of a plan that is bent for its branches, which no point of the front has.
+    """
+    tree = plan.branching
+    assert tree is not None
+    branches = [
+        {
+            "name": one.name,
+            "where": one.cell.words,
+            "share": one.share,
+            "fix": map_places(scene, own.fix.place),
+            "line": map_places(scene, one.path.x),
+        }
+        for own, one in tree.all_branches()
+    ]
+    return {"trunk": None if tree.bent is None else map_places(scene, plan.path.x), "branches": branches}
 
 
 def _law(run: ShownRun) -> str:
@@ -223,7 +245,7 @@ def _verdicts(run: ShownRun, plan: Plan) -> Iterator[dict[str, str]]:
     if (tree := plan.branching) is not None:
         when = f"{round(tree.fix.step * plan.dt) / 3600:.4g} h"
         yield _row(f"the plan with branches after a fix at {when}", tree.rate, tree.rate.sample)
-        for branch in tree.branches:
+        for _, branch in tree.all_branches():
             told = f"{branch.rate.sample}: {probability_text(branch.share)} of those with the fix"
             yield _row(f"branch {branch.name}, {branch.cell.words}", branch.rate, told)
     for law in _laws(run.deployments, plan.models.law):

@@ -1,5 +1,6 @@
 // What the map shows: the mission, the wind, the path of the point that is shown, its flights and tight places.
 
+import { branchNote, branchShapes } from "./branches.js";
 import { ellipse, ellipses, flown, nameSpot, stepLines, track, vehicle } from "./flight.js";
 import { EARTHLY, PLANAR } from "./geo.js";
 import { GroundLayer } from "./ground.js";
@@ -26,7 +27,7 @@ function layers() {
   return [
     ...ground.names(map), ...wind.shapes(map, moment()), svg("path", { class: PAGE.map.walled ? "feature border walled" : "feature border", d: map.line(border, true) }),
     ...["obstacle", "landmark", "region"].flatMap(role => shapesOf(role).map(shape => outline(shape))), ...closedRegions(moment()), ...trees(),
-    ...otherPaths(), ...view ? pathShapes(view) : [...PAGE.planned ? [track(map, PAGE.planned)] : [], startShape()], ...names(),
+    ...otherPaths(), ...PAGE.tree && shown.point === PAGE.chosen || PAGE.tree?.trunk ? branchShapes(map, PAGE.tree) : [], ...view ? pathShapes(view) : [...PAGE.planned ? [track(map, PAGE.planned)] : [], startShape()], ...names(),
   ];
 }
 
@@ -98,6 +99,7 @@ function mapNote() {
   for (const { name, forbidden, told } of PAGE.map.windows) notes.push(`${forbidden ? "Forbidden" : `${name} holds`} ${told}.`);
   if (PAGE.map.windows.some(w => w.forbidden)) notes.push("What is forbidden at the time of the slider is dark, with a dashed outline.");
   if (PAGE.planned) notes.push("The line is the expected path of the plan, which has no failure rate.");
+  if (PAGE.tree) notes.push(branchNote(PAGE.tree));
   if (PAGE.trees.length) notes.push("Grey lines: the oldest branches of the search trees, as far as they came.");
   return notes.join(" ");
 }

@@ -1,5 +1,6 @@
 // Reactions to choices, to the slider and to play; charts, lists, and the layout for printing.
 
+import { branchKeys } from "./branches.js";
 import { drawFront } from "./front.js";
 import { lengthText } from "./geo.js";
 import { drawMachine, markMachine } from "./machine.js";
@@ -165,6 +166,7 @@ limitTime();
 listen();
 byId("map-note").textContent = mapNote();
 byId("wind-keys").replaceChildren(...wind.legends());
+if (PAGE.tree) document.querySelector("ul.keys").append(...branchKeys(PAGE.tree));
 showMachine();
 drawAll();
 if (byId("files")) listFiles();

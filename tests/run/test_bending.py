@@ -1,0 +1,95 @@
+"""A trunk that is bent for its branches: what bumps move, what is retained, and by which flights."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.random import SeedSequence
+
+from coherent import STEPS, coherent_problem
+from pareto_ltl.planning.branching.cells import Cell
+from pareto_ltl.planning.branching.records import BranchFix
+from pareto_ltl.planning.evaluate import evaluate_path
+from pareto_ltl.run.branching import stage
+from pareto_ltl.run.branching.bending import bent_tree, bumps, within_airspeeds
+from pareto_ltl.run.branching.tree_search import Grower, Stem, Tree
+from pareto_ltl.settings import BranchConfig, RobotConfig, SelectionConfig
+from pareto_ltl.simulation.tree_flights import TreeFlights
+from pareto_ltl.support.arrays import length_of
+
+STEP, INF = 15, float("inf")
+ROBOT = RobotConfig(dt=100.0, u_min=2.0, u_max=20.0, start_sd=50.0)
+HALVES = (Cell(left=(0.0, INF)), Cell(left=(-INF, 0.0)))
+
+
+@pytest.fixture(scope="module")
+def detour() -> tuple[Grower, Any, Tree]:
+    """A trunk with a detour of 1.5 km before its fix, and the tree on it whose branches go on as planned."""
+    problem = coherent_problem(robot=ROBOT)
+    t = np.arange(len(STEPS))
+    aside = 1500.0 * np.clip(1.0 - np.abs(t - 8) / 7.0, 0.0, None)
+    x = STEPS + aside[:, None] * np.array([-0.7, 0.7])
+    path = evaluate_path(problem, x, "path 3", tight=False)
+    ahead = x[STEP] - x[STEP - 1]
+    fix = BranchFix(STEP, path.x[STEP], ahead / np.hypot(*ahead), 100.0)
+    branch = BranchConfig(leaves=2, at=[0.4])
+    settings = SimpleNamespace(branch=branch, selection=SelectionConfig(), robot=ROBOT)
+    flights = (TreeFlights.drawn(problem, 600, SeedSequence(seed)) for seed in (1, 2))
+    world: Any = SimpleNamespace(settings=settings, problem=problem)
+    grower = Grower(world, *flights, 2)
+    stem, rests = Stem.trunk(path), [path.u[STEP:]]
+    table = grower.table(stem, fix, rests)
+    divisions = (grower.of_cells(table, (Cell(),)), grower.of_cells(table, HALVES))
+    return grower, path, Tree(stem, fix, tuple(rests), divisions, table, divisions[0])
+
+
+def test_bumps_move_neither_the_departure_nor_the_end(detour: Any) -> None:
+    _, path, _ = detour
+    found = list(bumps(path, STEP, 0.5))
+    assert len(found) == 8
+    for off in found:
+        assert (off[0] == 0.0).all()
+        assert np.hypot(*off[-1]) == pytest.approx(0.0, abs=1e-9)
+        assert len(off) < len(path.x)
+        assert np.abs(off).max() > 1.0
+    largest = [int(np.hypot(*off.T).argmax()) for off in found]
+    assert max(largest) == STEP
+
+
+def test_airspeeds_are_within_their_limits_and_keep_their_directions(detour: Any) -> None:
+    grower, _, _ = detour
+    u = np.array([[30.0, 40.0], [0.3, -0.4], [6.0, 8.0]])
+    found = within_airspeeds(grower, u)
+    assert np.hypot(*found.T) == pytest.approx([20.0, 2.0, 10.0])
+    assert np.arctan2(*found.T) == pytest.approx(np.arctan2(*u.T))
+
+
+def test_bending_takes_a_detour_out_of_a_trunk(detour: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tree is shorter and fails no more in flights that the bend was not fitted to."""
+    grower, path, tree = detour
+    monkeypatch.setattr(Grower, "grown", lambda self, tree, rounds: tree)  # no search of other rests
+    cells = {1: (Cell(),), 2: HALVES}
+    monkeypatch.setattr(Grower, "divided", lambda self, table, number: self.of_cells(table, cells[number]))
+    found = bent_tree(grower, path, tree, 2)
+    assert found is not None
+    bent, better = found
+    assert bent.origin == "path 3, bent for its branches"
+    assert length_of(bent.x) < length_of(path.x) - 100.0
+    assert better.divisions[1].length < tree.divisions[1].length
+    assert grower.score(better.divisions[1].failure, better.divisions[1].length) < grower.score(
+        tree.divisions[1].failure, tree.divisions[1].length
+    )
+    assert (better.fix.place == bent.x[STEP]).all()  # the cells have moved with the planned position
+    assert np.hypot(*bent.u.T).max() <= ROBOT.u_max * (1 + 1e-6)
+
+
+def test_a_trunk_that_does_not_fail_less_is_not_taken(detour: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    grower, path, tree = detour
+    other = evaluate_path(grower.problem, path.x, "path 3, bent for its branches", tight=False)
+    monkeypatch.setattr(stage, "bent_tree", lambda *_: (other, tree))
+    kept = stage.bent_if_better(grower, path, tree, 2, 500, SeedSequence(4))
+    assert kept[0] is path
+    assert kept[1] is tree
