@@ -14,6 +14,7 @@ from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.display import (
     SLOW,
     allowed_text,
+    branched_text,
     distance_text,
     energy_text,
     headline_text,
@@ -112,11 +113,13 @@ def level_gap(result: Evidence) -> str:
 def headline(result: Evidence) -> tuple[str, str]:
     """How many flights fail, and the note on it."""
     promise, flows = result.plan["promise"], medium_of(result).flows
-    return headline_text(
-        promise["failure"], promise["low"], promise["high"],
-        winds_text(flows, promise["law"], level_gap(result)),
-        f"{_sample(promise)} under {promise['law']} {flows}", promise.get("floor", 0.0),
+    tree, floor = result.plan.get("branches"), promise.get("floor", 0.0)
+    rate = promise if tree is None else tree["rate"]
+    value, note = headline_text(
+        rate["failure"], rate["low"], rate["high"], winds_text(flows, rate["law"], level_gap(result)),
+        f"{_sample(rate)} under {rate['law']} {flows}", floor,
     )  # fmt: skip
+    return value, note if tree is None else branched_text(note, promise["failure"], floor)
 
 
 def promised(promise: Mapping[str, Any]) -> str:

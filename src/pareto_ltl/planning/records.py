@@ -17,7 +17,13 @@ from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.settings.heights import FlownAir, Height
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.support.display import Displayed, distance_text, interval_text, probability_text
+from pareto_ltl.support.display import (
+    Displayed,
+    branched_text,
+    distance_text,
+    interval_text,
+    probability_text,
+)
 from pareto_ltl.support.extras import require_extra
 from pareto_ltl.wind.coverage import level_gap
 from pareto_ltl.world.projection import Frame, Navigation
@@ -342,6 +348,18 @@ class Plan(Displayed):
 
     def __post_init__(self) -> None:
         models_of(self.fidelity)
+
+    def answer(self, flows: str) -> str:
+        """How many flights fail, in a sentence, in ``flows``: winds or currents; empty without a promise.
+
+        Of a plan with branches, how many fail if fixes are taken, and how many without.
+        """
+        if self.promise is None:
+            return ""
+        if self.branching is None:
+            return self.promise.answer(flows, self.level_gap)
+        sentence = replace(self.promise, rate=self.branching.rate).answer(flows, self.level_gap)
+        return branched_text(sentence, self.promise.rate.failure, self.promise.floor)
 
     @property
     def __geo_interface__(self) -> dict[str, Any]:

@@ -111,6 +111,17 @@ def flights_text(rate: float, low: float, high: float) -> tuple[str, str]:
     return f"{number(rate)} of {whole:,} flights", f"{number(low)} to {number(high)}"
 
 
+def branched_text(sentence: str, fixless: float, floor: float = 0.0) -> str:
+    """``sentence`` on a plan with its branches, and how many flights fail without a fix (rate ``fixless``).
+
+    >>> branched_text("2.7 of 100 flights fail (2.5 to 2.9)", 0.0812)
+    '2.7 of 100 flights fail (2.5 to 2.9), with its branches; 8.1 of 100 without a fix'
+    """
+    rate = max(fixless, floor)
+    shown = flights_text(rate, rate, rate)[0].removesuffix(" flights")
+    return f"{sentence}, with its branches; {'fewer than ' * (fixless < floor)}{shown} without a fix"
+
+
 def answer_text(rate: float, low: float, high: float, where: str, floor: float = 0.0) -> str:
     """The answer to how likely a plan is to fail, in a sentence; ``where`` are the winds that it counts in.
 

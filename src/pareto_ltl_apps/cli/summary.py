@@ -9,7 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl import Settings
-from pareto_ltl.support.display import allowed_text, answer_text, probability_text, rate_text, winds_text
+from pareto_ltl.support.display import (
+    allowed_text,
+    answer_text,
+    branched_text,
+    probability_text,
+    rate_text,
+    winds_text,
+)
 from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl_apps.cli.output import Answer, shown_table
 from pareto_ltl_apps.view import PAGE_FILE
@@ -158,11 +165,7 @@ def summary_rows(
     if {"promise_failure", "length_m"} <= set(metrics) and not verbose:  # a plan, not a study of plans
         yield from _cost_rows(metrics, medium)
         if "branches" in metrics:
-            rate = rate_text(*(metrics[f"branches_{name}"] for name in ("failure", "low", "high")))
-            yield (
-                f"with its {metrics['branches']:.0f} branches, {metrics['branches_runs']:,.0f} flights",
-                rate,
-            )
+            yield "branches", f"{metrics['branches']:.0f}"
         yield "in all", f"{metrics['run_seconds']:.2f} s"
         return
     if "length_m" in metrics:
@@ -240,9 +243,11 @@ def answer_line(metrics: Mapping[str, float], law: str, medium: Medium = AIR, ga
     """How many flights of the plan fail, the first line of a summary; empty where bounds judge."""
     if not {"promise_failure", "length_m"} <= set(metrics):
         return ""
-    rate, low, high = (metrics[f"promise_{end}"] for end in ("failure", "low", "high"))
-    where = winds_text(medium.flows, law, gap)
-    sentence = answer_text(rate, low, high, where, metrics.get("promise_floor", 0.0))
+    of, floor = "branches" if "branches" in metrics else "promise", metrics.get("promise_floor", 0.0)
+    rate, low, high = (metrics[f"{of}_{end}"] for end in ("failure", "low", "high"))
+    sentence = answer_text(rate, low, high, winds_text(medium.flows, law, gap), floor)
+    if of == "branches":
+        sentence = branched_text(sentence, metrics["promise_failure"], floor)
     return f"{sentence[0].upper()}{sentence[1:]}."
 
 

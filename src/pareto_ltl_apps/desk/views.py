@@ -61,7 +61,11 @@ def front_view(directory: Path) -> dict[str, Any]:
         "chosen": chosen_number(front, run.plan),
         "promise": None
         if run.plan is None or run.plan.promise is None
-        else asdict(run.plan.promise.rate) | {"floor": run.plan.promise.floor},
+        else asdict(run.plan.promise.rate)
+        | {
+            "floor": run.plan.promise.floor,
+            "branched": None if run.plan.branching is None else asdict(run.plan.branching.rate),
+        },
         "law": "" if front is None else front.models.law,
         "formula": "" if run.automaton is None else run.automaton.formula,
     }

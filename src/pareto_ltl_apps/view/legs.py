@@ -280,7 +280,7 @@ def _promise_lines(plan: Plan, flown: Deployment, medium: Medium) -> Iterator[st
         yield Plan.NO_PROMISE
     else:
         if promise is not None:
-            yield promise.answer(flows, plan.level_gap)
+            yield plan.answer(flows)
             yield f"promised: {fails(promise.rate)}"
             if promise.rate.failure < promise.floor:
                 yield f"promised: {promise.fails}"

@@ -154,7 +154,7 @@ def promise_lines(plan: Plan, flows: str) -> list[str]:
     """How many fresh flights of the plan fail, in a sentence; empty without them."""
     if plan.promise is None:
         return []
-    sentence = plan.promise.answer(flows, plan.level_gap)
+    sentence = plan.answer(flows)
     return [sentence[0].upper() + sentence[1:]]
 
 

@@ -207,15 +207,16 @@ export class Result {
   }
 
   showFacts() {
-    const { view } = this, plan = this.shown === this.front.chosen, { promise } = this.front;
-    const row = { ...this.front.points[this.shown], ...plan && promise ? { failure: promise.failure, failure_low: promise.low, failure_high: promise.high } : {} };
+    const { view } = this, plan = this.shown === this.front.chosen, { promise } = this.front, fresh = plan && (promise?.branched ?? promise);
+    const row = { ...this.front.points[this.shown], ...fresh ? { failure: fresh.failure, failure_low: fresh.low, failure_high: fresh.high } : {} };
+    const fixless = plan && promise?.branched ? `, with its branches; ${flightsText(promise.failure, promise.low, promise.high)[0].replace(" flights", "")} without a fix` : "";
     byId("point-name").textContent = `Point ${this.shown} of ${this.front.points.length - 1}${plan ? ", the plan" : ""}`;
     byId("previous").disabled = this.shown === 0;
     byId("next").disabled = this.shown === this.front.points.length - 1;
     byId("choose").hidden = plan || this.checking;
     byId("result").classList.toggle("checking", this.checking);
     const [rate, range] = row.failure_low === null ? [`≤ ${percent(row.failure)}`, "upper bound"] : row.failure < (promise?.floor ?? 0) ? [`fewer than ${flightsText(promise.floor, promise.floor, promise.floor)[0]}`, `of the simulated ones ${flightsText(row.failure, row.failure_low, row.failure_high).join(", ")}`] : flightsText(row.failure, row.failure_low, row.failure_high), order = row.order ? row.order.split(">").map(one => one.trim()).filter(one => one && one !== "-") : [];
-    const facts = [["Fails", rate, `${range}${row.failure_low === null ? "" : " (95 %)"}, in ${SOURCES[this.front.law] ?? this.front.law}`], ["Length", lengthText(row.length_m), order.length ? `order ${order.map(this.title).join(" → ")}` : ""],
+    const facts = [["Fails", rate, `${range}${row.failure_low === null ? "" : " (95 %)"}, in ${SOURCES[this.front.law] ?? this.front.law}${fixless}`], ["Length", lengthText(row.length_m), order.length ? `order ${order.map(this.title).join(" → ")}` : ""],
       ["Duration", duration(row.duration_s), `${row.steps} steps`], ...view.utc ? [["Arrival", `${view.utc.at(-1).slice(11, 16)} UTC`, `${view.utc.at(-1).slice(0, 10)}${localText(view.utc.at(-1))}`]] : []];
     byId("facts").replaceChildren(...facts.map(([name, value, note]) => html("div", {}, html("dt", {}, name), html("dd", {}, value, html("small", {}, note)))));
     byId("trade").textContent = tradeText(this.front.points, this.shown, this.front.promise?.floor);

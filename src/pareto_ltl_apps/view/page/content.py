@@ -18,6 +18,7 @@ import numpy as np
 from pareto_ltl import Scene
 from pareto_ltl.extend import Deployment, FailureRate, Front, Plan, cost_named
 from pareto_ltl.support.display import (
+    branched_text,
     distance_text,
     headline_text,
     interval_text,
@@ -193,12 +194,15 @@ def _headline(run: ShownRun, plan: Plan, chosen: int | None) -> Iterator[dict[st
     promise, path, flows = plan.promise, plan.path, run.medium.flows
     cost, times = path.objectives, run.scene.frame.utc(path.t)
     if promise is not None:
-        gap, promised = plan.level_gap, promise.rate
+        gap = plan.level_gap
+        promised = promise.rate if plan.branching is None else plan.branching.rate
         where = winds_text(flows, promised.law, gap)
         sample = f"{promised.sample} under {promised.law} {flows}"
         value, note = headline_text(
             promised.failure, promised.low, promised.high, where, sample, promise.floor
         )
+        if plan.branching is not None:
+            note = branched_text(note, promise.rate.failure, promise.floor)
         yield fact("fails", value, note + (f"; no promise: {gap}" if gap else ""))
     elif plan.alarmed:
         yield fact("fails", "no promise", Plan.NO_PROMISE)
