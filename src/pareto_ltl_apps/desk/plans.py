@@ -281,6 +281,8 @@ def _summary(place: Path) -> dict[str, Any]:
         return {"mission": "", "failure": None, "length_m": None}
     plan = read_json(file)
     formula, promise = str(plan.get("formula", "")), plan.get("promise")
+    if promise is not None and plan.get("branches"):  # as it is flown with its fixes
+        promise = plan["branches"]["rate"]
     return {
         "mission": mission_in_words(formula) or formula,
         "failure": None if promise is None else promise["failure"],

@@ -19,7 +19,7 @@ const TOOLS = [
   { name: "measure", label: "Measure", role: "measure", shape: "measure", hint: "Click along what you measure; Escape ends." },
 ];
 const WIDTH = "200 m";  // from a new line to either side
-const BEGIN = "Begin here: press Start and click on the map, then draw a region; or open an example or a file.";
+export const BEGIN = "Begin here: press Start and click on the map, then draw a region; or open an example or a file.";
 const NEAR = 12;  // [pixels] from the first corner that close an outline
 
 export class Drawing {

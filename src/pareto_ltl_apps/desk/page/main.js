@@ -2,7 +2,7 @@
 
 import { ask, giveFile } from "./api.js";
 import { Backdrop } from "./backdrop.js";
-import { Drawing } from "./drawing.js";
+import { BEGIN, Drawing } from "./drawing.js";
 import { Earth } from "./earth.js";
 import { lengthText, mercator, placeText } from "./geo.js";
 import { ChartMap } from "./map.js";
@@ -177,7 +177,7 @@ function listen() {
 
 async function begin() {
   earth = new Earth(map, failed);
-  drawing = new Drawing(map, store, text => { byId("hint").textContent = text; });
+  drawing = new Drawing(map, store, text => { byId("hint").textContent = text; byId("hint").classList.toggle("begin", text === BEGIN); });
   panels = new Panels(store, drawing, failed);
   studies = new Studies({ redraw: () => map.refresh(), failed, request: command => panels.request(command), id: () => result.id, departs: departure => store.change(mission => { mission.departure = departure; }) });
   result = new Result({ studies, redraw: () => { map.refresh(); readyToPlan(); }, fit: () => map.fit(everything()), failed, title: name => store.titleOf(name), remember: id => store.adjust(mission => { mission.plan = id; }) });
