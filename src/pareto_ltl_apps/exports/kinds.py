@@ -78,7 +78,7 @@ BRANCH_FILES = (  # of plans that branch, the second pair after a second fix
 
 
 def format_names() -> tuple[str, ...]:
-    """The names of all formats, those of other packages last."""
+    """The names of all formats; formats of other packages come last."""
     return (*FORMATS, *extension_names(EXPORT_GROUP, FORMATS))
 
 
