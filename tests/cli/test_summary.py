@@ -76,8 +76,8 @@ def test_a_rate_below_the_floor_of_its_law_is_said_to_be_below_it() -> None:
 def test_a_plan_that_branches_fails_as_it_is_flown_with_its_fixes_and_the_rate_without_follows() -> None:
     tree = {"branches": 4.0, "branches_failure": 4e-4, "branches_low": 2e-4, "branches_high": 8e-4}
     assert answer_line(METRICS | tree, "coherent") == (
-        "4.0 of 10,000 flights fail (2.0 to 8.0), in winds of this forecast, with its branches; 15.0 of 10,000 "
-        "without a fix."
+        "4.0 of 10,000 flights fail (2.0 to 8.0), in winds of this forecast, with its branches; "
+        "15.0 of 10,000 without a fix."
     )
     below = answer_line(METRICS | tree | {"promise_floor": 1e-3}, "coherent")
     assert below.endswith("cannot say less, with its branches; 15.0 of 10,000 without a fix.")
