@@ -158,7 +158,7 @@ function listen() {
   for (const layer of ["wind", "doubt", "flights"]) on(`layer-${layer}`, "change", () => map.refresh());
   on("open", "click", () => byId("file").click());
   on("file", "change", event => openFile(event.target));
-  on("import-text", "click", () => include(byId("paste").value, "the text"));
+  on("import-text", "click", () => byId("paste").value.trim() ? include(byId("paste").value, "the text") : byId("paste").focus());
   on("import-open", "click", () => byId("import-file").click());
   on("import-file", "change", event => includeFile(event.target));
   on("backdrop", "click", () => byId("backdrop-file").click());
