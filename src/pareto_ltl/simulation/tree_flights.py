@@ -60,6 +60,10 @@ class TreeFlights:
         """
         return x + fix.sd * self.noise[:, level], fix.inside(x) & (self.luck[:, level] < fix.available)
 
+    def measured_along(self, u: FloatArray, fix: BranchFix, level: int = 0) -> tuple[FloatArray, BoolArray]:
+        """:meth:`measured` of flights that fly the controls ``u`` (T, 2) to the fix."""
+        return self.measured(fix, self.flown(np.ascontiguousarray(u[: fix.step]))[:, -1], level)
+
     def failed(self, u: FloatArray) -> BoolArray:
         """Which flights of the controls ``u`` (T, 2) fail."""
         return self.flights.failed(self.flown(u))
@@ -114,8 +118,7 @@ def fly_branches(winds: TreeFlights, u: FloatArray, tree: Branching, level: int 
     alone = winds.failed(u)
     failed, before = alone.copy(), np.repeat(alone[:, None], LEVELS, axis=1)
     fix = tree.fix
-    at = winds.flown(np.ascontiguousarray(u[: fix.step]))[:, -1]
-    y, taken = winds.measured(fix, at, level)
+    y, taken = winds.measured_along(u, fix, level)
     branch[:, level] = np.where(taken, tree.chosen(y), TRUNK)
     for number, one in enumerate(tree.branches):
         rows = np.flatnonzero(branch[:, level] == number)

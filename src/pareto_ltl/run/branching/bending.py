@@ -156,6 +156,5 @@ def _score_of(grower: Grower, made: Bent | None, division: Division, order: tupl
 
 def branch_of(winds: TreeFlights, made: Bent, division: Division) -> IntArray:
     """The cell of each flight, ``TRUNK`` if it takes no fix."""
-    at = winds.flown(np.ascontiguousarray(made.path.u[: made.fix.step]))[:, -1]
-    y, taken = winds.measured(made.fix, at)
+    y, taken = winds.measured_along(made.path.u, made.fix)
     return np.where(taken, cells_of(division.cells, made.fix.distances(y)), TRUNK)

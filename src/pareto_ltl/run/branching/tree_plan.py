@@ -17,7 +17,6 @@ from pareto_ltl.planning.branching.records import (
     Branching,
     Passed,
     TreeRow,
-    cells_of,
 )
 from pareto_ltl.planning.evaluate import mission_order_text
 from pareto_ltl.planning.problem import Problem
@@ -30,6 +29,7 @@ from pareto_ltl.run.branching.tree_search import (
     Grower,
     Stem,
     Tree,
+    course_of,
     expected_means,
     segment_risks,
     worthwhile_leaves,
@@ -56,9 +56,9 @@ class Grown:
 
     def outcome(self) -> tuple[BoolArray, float]:
         """Which of the flights of the choice fail, and the expected length [m]."""
-        division, table = self.tree.divisions[self.number - 1], self.tree.table
+        division = self.tree.divisions[self.number - 1]
         failed, length = division.failed.copy(), division.length
-        number = np.where(table.taken, cells_of(division.cells, table.y), TRUNK)
+        number = self.tree.table.branch(division.cells)
         for k, one in self.then.items():
             rows = np.flatnonzero(number == k)
             failed[rows], own = one.outcome()
@@ -72,7 +72,7 @@ def with_second_fixes(grower: Grower, tree: Tree, number: int, fixes: Fixes) -> 
     ``fixes`` gives the fixes that can be taken on a stem.
     """
     division, found = tree.divisions[number - 1], dict[int, Grown]()
-    cell_of = np.where(tree.table.taken, cells_of(division.cells, tree.table.y), TRUNK)
+    cell_of = tree.table.branch(division.cells)
     for k in range(number):
         if (division.failed & (cell_of == k)).mean() < SELDOM:
             continue
@@ -192,7 +192,7 @@ def branch_path(
     """Share of the cell, and the rest number ``rest`` as the path of the flights in it."""
     k, stem, dt = tree.fix.step, tree.stem, problem.motion.dt
     u = whole_controls(stem.u, k, tree.rests[rest])
-    course = Course.of(problem, expected_means(problem, u))
+    course = course_of(problem, u)
     told = course.told(passed)
     given = course.given(passed, told)
     x, cov = given.x[k:], square_matrices(given.cov)[k:]
@@ -247,8 +247,9 @@ def _add_risk(problem: Problem, grown: Grown, weight: float, total: FloatArray) 
     division, step = tree.divisions[grown.number - 1], tree.fix.step
     for k, (cell, rest) in enumerate(zip(division.cells, division.rests, strict=True)):
         u, passed = whole_controls(tree.stem.u, step, tree.rests[rest]), tree.stem.past(tree.fix, cell)
-        told = Course.of(problem, expected_means(problem, u)).told(passed)
-        risk, later = segment_risks(problem, u, passed, told), grown.then.get(k)
+        course = course_of(problem, u)
+        told = course.told(passed)
+        risk, later = segment_risks(problem, course, passed, told), grown.then.get(k)
         end = len(risk) if later is None else later.tree.fix.step
         total[step:end] += weight * told.share * risk[step:end]
         if later is not None:

@@ -110,6 +110,10 @@ class Table:
     failed: BoolArray
     length: FloatArray
 
+    def branch(self, cells: tuple[Cell, ...]) -> IntArray:
+        """The number of the cell (n,) of each flight, ``TRUNK`` if it takes no fix."""
+        return np.where(self.taken, cells_of(cells, self.y), TRUNK)
+
 
 @dataclass(frozen=True, slots=True)
 class Division:
@@ -165,8 +169,7 @@ class Grower:
         """The same search in the flights that ``fix`` puts into ``cell``."""
 
         def inside(winds: TreeFlights) -> TreeFlights:
-            at = winds.flown(np.ascontiguousarray(stem.u[: fix.step]))[:, -1]
-            y, taken = winds.measured(fix, at, stem.level)
+            y, taken = winds.measured_along(stem.u, fix, stem.level)
             return winds.only(np.flatnonzero(taken & cell.holds(fix.distances(y))))
 
         return replace(self, fitted=inside(self.fitted), judged=inside(self.judged))
@@ -262,17 +265,15 @@ class Grower:
         capacity = math.inf if energy is None or energy.capacity is None else energy.capacity
         if energy is not None and energy.of(u, self.problem.motion.dt) > capacity:
             return False
-        risk = segment_risks(self.problem, u, passed, told)
+        risk = segment_risks(self.problem, course_of(self.problem, u), passed, told)
         return bool((risk[k:] <= allowed_risk(self.problem) * (1.0 + 1e-6)).all())
 
     # --- the table ---
 
     def table(self, stem: Stem, fix: BranchFix, rests: Sequence[FloatArray]) -> Table:
         """Which of the flights of the choice fail with which of ``rests``."""
-        winds, k = self.judged, fix.step
-        at = winds.flown(np.ascontiguousarray(stem.u[:k]))[:, -1]
-        y, taken = winds.measured(fix, at, stem.level)
-        empty = Table(fix.distances(y), taken, np.zeros((len(winds), 0), bool), np.zeros(0))
+        y, taken = self.judged.measured_along(stem.u, fix, stem.level)
+        empty = Table(fix.distances(y), taken, np.zeros((len(self.judged), 0), bool), np.zeros(0))
         return self.with_rests(empty, stem, fix, rests)
 
     def with_rests(self, table: Table, stem: Stem, fix: BranchFix, rests: Sequence[FloatArray]) -> Table:
@@ -296,7 +297,7 @@ class Grower:
         alone = table.failed[:, 0]
         p, L = float(alone.mean()), float(table.length[0])
         price = self.saving * (p + SMALL) / L  # [1/m] of failure rate, at the stem
-        number = np.where(table.taken, cells_of(cells, table.y), TRUNK)
+        number = table.branch(cells)
         rests, failed = [], alone.copy()
         length = np.full(len(alone), L)
         for k in range(len(cells)):
@@ -313,9 +314,13 @@ def expected_means(problem: Problem, u: FloatArray) -> FloatArray:
     return propagate_controls(problem, u, unaided(problem.world.law)).x
 
 
-def segment_risks(problem: Problem, u: FloatArray, passed: tuple[Passed, ...], told: Moments) -> FloatArray:
-    """The probability of a collision in each segment (T,) of the flights in cells that fly ``u`` (T, 2)."""
-    course = Course.of(problem, expected_means(problem, u))
+def course_of(problem: Problem, u: FloatArray) -> Course:
+    """The flights of the controls ``u`` (T, 2) [m/s]."""
+    return Course.of(problem, expected_means(problem, u))
+
+
+def segment_risks(problem: Problem, course: Course, passed: tuple[Passed, ...], told: Moments) -> FloatArray:
+    """The probability of a collision in each segment (T,) of the flights of ``course`` in cells."""
     return np.asarray(separation(problem, course.given(passed, told)).risk, float)
 
 
