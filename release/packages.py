@@ -104,24 +104,24 @@ def megabytes(package: Distribution) -> float:
     return sum(path.stat().st_size for path in paths if path.is_file()) / 1e6
 
 
-def purpose(name: str, users: list[str]) -> str:
-    """What a package is for: our use of it, else what needs it."""
-    return PURPOSES.get(name) or "for " + ", ".join(sorted(users))
-
-
 def tables() -> str:
-    """Both tables: the packages of the core, and what each extra adds."""
+    """Our requirements, the packages that these need by licence, and what each extra adds."""
     core = needed()
     sizes = {name: megabytes(package) for name, (package, _) in core.items()}
     system = f"Python {'.'.join(map(str, sys.version_info[:2]))} on {platform.system()} {platform.machine()}"
     lines = [
         f"Without extras, with {system}: {len(core)} packages, {sum(sizes.values()):.0f} MB.",
         "",
-        "| package | version | licence | MB | what for |", "|---|---|---|---|---|",
+        "| package | licence | MB | what for |", "|---|---|---|---|",
     ]  # fmt: skip
-    for name, (package, users) in core.items():
-        cells = (name, package.version, licence(package), f"{sizes[name]:.1f}", purpose(name, users))
-        lines.append(f"| {' | '.join(cells)} |")
+    others: dict[str, list[str]] = {}
+    for name, (package, _) in core.items():
+        if name in PURPOSES:
+            lines.append(f"| {name} | {licence(package)} | {sizes[name]:.1f} | {PURPOSES[name]} |")
+        else:
+            others.setdefault(licence(package), []).append(f"{name} {sizes[name]:.1f}")
+    lines += ["", "| licence | packages that these need [MB] |", "|---|---|"]
+    lines += [f"| {name} | {', '.join(others[name])} |" for name in sorted(others)]
     lines += ["", "| extra | what for | MB more | packages |", "|---|---|---|---|"]
     for extra, use in EXTRAS.items():
         more = {name: package for name, (package, _) in needed((extra,)).items() if name not in core}
