@@ -1,7 +1,7 @@
-"""The tables of ``docs/install.md``: what an installation brings, with size, licence and purpose.
+"""What an installation brings, with size, licence and purpose, of an environment with all extras.
 
-``python release/packages.py``, in an environment with all extras, prints them; ``--write`` puts them into the
-page.
+``python release/docs_site/package_tables.py`` prints the tables; on the site they stand in
+``docs/install.md``, in place of ``<!-- packages -->``.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "install.md"
-BEGIN, END = "<!-- packages: python release/packages.py --write -->", "<!-- end of packages -->"
+MARK = "<!-- packages -->"
 PROJECT = "pareto-ltl"
 OF_CLASSIFIER = "License :: OSI Approved :: "
 PURPOSES = {
@@ -130,15 +129,10 @@ def tables() -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Print the tables, or write them into the page."""
-    if "--write" not in sys.argv[1:]:
-        print(tables())
-        return
-    text = PAGE.read_text(encoding="utf-8")
-    before, _, rest = text.partition(BEGIN)
-    PAGE.write_text(f"{before}{BEGIN}\n\n{tables()}\n\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+def with_packages(markdown: str) -> str:
+    """A page of the site with the tables in place of the mark."""
+    return markdown.replace(MARK, tables()) if MARK in markdown else markdown
 
 
 if __name__ == "__main__":
-    main()
+    print(tables())
