@@ -4,6 +4,9 @@ Where a function changes, the fork gives it other code (:func:`put`). What passe
 tests that begin with the mutant, as a function may have been called while modules were imported; and what is
 written in a module or a class is run at its import alone. Such mutants meet their tests in a process that
 imports the changed source (:class:`Changed`). Nothing is written to a file.
+
+A test that notices a mutant is run once more in the same way without one. If it fails then too, it says
+nothing, and the mutant meets the others.
 """
 
 from __future__ import annotations
@@ -127,7 +130,7 @@ class InMemory:
     """Plugin of pytest: instead of all tests, run those of each mutant in a fork."""
 
     def __init__(self, cases: Sequence[Case], report: Any) -> None:
-        self.cases, self.report, self.ran = cases, report, False
+        self.cases, self.report, self.ran, self.sound = cases, report, False, dict[str, bool]()
 
     def pytest_collection(self) -> None:
         find_only()
@@ -147,7 +150,13 @@ class InMemory:
             if not new or not chosen:
                 continue
             functions = live.get(str(case.file), [])
-            code, seconds = forked(partial(_run, session, chosen, new, functions), limit(case))
+            code, seconds = meet(
+                [item.nodeid for item in chosen],
+                partial(_with, session, items, new, functions),
+                lambda name, told: partial(_run, session, [items[name]], {}, (), told),
+                limit(case),
+                self.sound,
+            )
             self.report.write(json.dumps([number, True if code not in (0, 4) else None, seconds]) + "\n")
             self.report.flush()
         return True
@@ -161,17 +170,68 @@ def find_only() -> None:
     hypothesis.settings.load_profile("mutants")
 
 
+def _with(
+    session: Any,
+    items: dict[str, Any],
+    new: dict[str, CodeType],
+    functions: Sequence[FunctionType],
+    names: Sequence[str],
+    told: Path,
+) -> Callable[[], int]:
+    return partial(_run, session, [items[name] for name in names], new, functions, told)
+
+
 def _run(
-    session: Any, items: Sequence[Any], new: dict[str, CodeType], functions: Sequence[FunctionType]
+    session: Any,
+    items: Sequence[Any],
+    new: dict[str, CodeType],
+    functions: Sequence[FunctionType],
+    told: Path,
 ) -> int:
-    """Run these tests with the new code until one fails: 3 if one does, else 0; 4 if it cannot be given."""
+    """Run these tests with the new code until one fails: 3 if one does, else 0; 4 if it cannot be given.
+
+    The name of the test that fails is written into ``told``.
+    """
     if not put(new, functions):
         return 4
     for item, after in zip(items, [*items[1:], None], strict=True):
         item.config.hook.pytest_runtest_protocol(item=item, nextitem=after)
         if session.testsfailed:
+            told.write_text(item.nodeid)
             return 3
     return 0
+
+
+def meet(
+    names: Sequence[str],
+    with_mutant: Callable[[Sequence[str], Path], Callable[[], int]],
+    without: Callable[[str, Path], Callable[[], int]],
+    seconds: float,
+    sound: dict[str, bool],
+) -> tuple[int, float]:
+    """The exit code of the tests that a mutant meets, and the processor time [s].
+
+    ``sound`` holds whether tests that failed with a mutant pass without one; those that do not are left out.
+    """
+    spent, names = 0.0, [name for name in names if sound.get(name, True)]
+    with tempfile.TemporaryDirectory(prefix="mutant_") as folder:
+        told = Path(folder) / "failed.txt"
+        while names:
+            told.unlink(missing_ok=True)
+            code, took = forked(with_mutant(names, told), seconds)
+            spent += took
+            failed = told.read_text() if told.exists() else ""
+            if code in (0, 4) or not failed:
+                return code, spent
+            if failed not in sound:
+                alone, took = forked(without(failed, told), seconds)
+                sound[failed], spent = alone == 0, spent + took
+                if alone:
+                    print(f"fails without a mutant, too: {failed}", file=sys.stderr, flush=True)
+            if sound[failed]:
+                return code, spent
+            names = [name for name in names if name != failed]
+    return 0, spent
 
 
 def limit(case: Case) -> float:
@@ -214,28 +274,34 @@ def _judge_from_start(cases: Sequence[Case], root: Path, report: Any) -> None:
     for name in FOREIGN:
         with suppress(ImportError):
             importlib.import_module(name)
+    sound = dict[str, bool]()
     for number, case in enumerate(cases):
-        code, seconds = forked(partial(_meet_changed, case), limit(case))
+        code, seconds = meet(
+            case.tests,
+            partial(partial, _meet_changed, case),
+            lambda name, told: partial(_meet_changed, None, [name], told),
+            limit(case),
+            sound,
+        )
         report.write(json.dumps([number, code != 0, seconds]) + "\n")
         report.flush()
 
 
-def _meet_changed(case: Case) -> int:
-    """Run the tests of a mutant in this process, which imports the changed source."""
+def _meet_changed(case: Case | None, names: Sequence[str], told: Path) -> int:
+    """Run these tests in this process, which imports the changed source; without a mutant, the source."""
     pytest = importlib.import_module("pytest")
-    sys.meta_path.insert(0, Changed(case))
-    files = list(dict.fromkeys(name.partition("::")[0] for name in case.tests))
-    with tempfile.TemporaryDirectory(prefix="mutant_") as folder:
-        return int(
-            pytest.main([*OPTIONS, f"--basetemp={folder}/tests", *files], plugins=[Chosen(case.tests)])
-        )
+    if case is not None:
+        sys.meta_path.insert(0, Changed(case))
+    files = list(dict.fromkeys(name.partition("::")[0] for name in names))
+    words = [*OPTIONS, f"--basetemp={told.parent}/tests", *files]
+    return int(pytest.main(words, plugins=[Chosen(names, told)]))
 
 
 class Chosen:
     """Plugin of pytest: run these tests alone, in their order."""
 
-    def __init__(self, names: Sequence[str]) -> None:
-        self.names = names
+    def __init__(self, names: Sequence[str], told: Path) -> None:
+        self.names, self.told = names, told
 
     def pytest_collection(self) -> None:
         find_only()
@@ -243,6 +309,10 @@ class Chosen:
     def pytest_collection_modifyitems(self, items: list[Any]) -> None:
         of_name = {item.nodeid: item for item in items}
         items[:] = [of_name[name] for name in self.names if name in of_name]
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        if report.failed:
+            self.told.write_text(report.nodeid)
 
 
 class Changed(MetaPathFinder, SourceFileLoader):

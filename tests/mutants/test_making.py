@@ -178,3 +178,22 @@ def test_mutants_that_no_test_notices_are_told_and_a_loop_ends(
     assert [one.old for one, verdict in verdicts.items() if not verdict.killed] == ["a + a"]
     assert sorted(told) == sorted(one.old for one in made)
     assert file.read_text() == code
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the tests of a mutant run in a fork")
+def test_a_test_that_fails_without_a_mutant_kills_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = "ONE = 1\n\n\ndef twice(a):\n    return a + a\n"
+    file, test = tmp_path / "smaller_module.py", "tests/test_smaller.py"
+    file.write_text(code)
+    (tmp_path / "tests").mkdir()
+    (tmp_path / test).write_text(
+        "from smaller_module import twice\n\n\n"
+        "def test_wrong(): assert twice(1) == 3\n\n\ndef test_none(): pass\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    names = tuple(f"{test}::{name}" for name in ("test_wrong", "test_none"))
+    made = [Case(one, file, names, 0.1) for one in mutants(code, "smaller_module")]
+    assert len(made) == 2
+    assert not any(one.killed for one in judged(made, tmp_path, lambda *_: None).values())
