@@ -28,6 +28,7 @@ from pareto_ltl_apps.view.page.ground import map_places, rounded, shown_wind
 from pareto_ltl_apps.view.page.points import flown_path, shown_flights, shown_path, shown_points
 from pareto_ltl_apps.view.records import ShownRun
 from pareto_ltl_apps.view.showing import shown_results
+from pareto_ltl_apps.view.trade import Trade
 
 KEPT_RUNS = 3  # results in memory
 FLIGHTS = 60  # that are shown of a point
@@ -58,6 +59,7 @@ def front_view(directory: Path) -> dict[str, Any]:
         "planned": map_places(run.scene, run.plan.path.x) if alarmed and run.plan is not None else [],
         "alarms": read_json(directory / "replan.json")["alarms"] if alarmed else [],
         "points": [] if front is None else _rows(front),
+        "trades": [] if front is None else Trade.of(run.scene, front, run.plan).paragraphs(),
         "chosen": chosen_number(front, run.plan),
         "promise": None
         if run.plan is None or run.plan.promise is None
