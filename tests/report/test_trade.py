@@ -88,7 +88,9 @@ def test_a_loop_has_its_reason_where_paths_without_it_are_less_safe() -> None:
 def floored(front: Front, floor: float, ways: dict[int, list[list[float]]] | None = None) -> Trade:
     """The trade of ``front`` with other first positions of some paths."""
     paths = tuple(
-        replace(path, x=np.vstack([np.array(ways[k], float), path.x[5:] + 1e6])) if ways and k in ways else path
+        replace(path, x=np.vstack([np.array(ways[k], float), path.x[5:] + 1e6]))
+        if ways and k in ways
+        else path
         for k, path in enumerate(front.paths)
     )
     return Trade(one_region(scene_of(), 2.0), replace(front, paths=paths), floor)

@@ -99,7 +99,9 @@ class Trade:
             known = f" ({self._counted(other)} instead of {self._counted(k)} of the simulated ones)"
             return f"{than}: {one} fail too{known if self.rates[k] <= self.floor else ''}"
         count, _, whole = one.partition(" of ")
-        return f"{than}: {count if whole == two.partition(' of ')[2] else one} instead of {two} fail, {COMPARED}"
+        return (
+            f"{than}: {count if whole == two.partition(' of ')[2] else one} instead of {two} fail, {COMPARED}"
+        )
 
     def share(self, k: int) -> str:
         """``4.1 of 100 flights``; of a rate below the floor, what can be said of it."""
@@ -124,8 +126,9 @@ class Trade:
         if self.rates[best] > self.rates[k]:
             yield f"{turns}: {self.share(k)} fail; of the {path} {self.share(best)}"
         else:
+            both = self._counted(k), self._counted(best)
             yield (
-                f"{turns}: of the simulated ones {self._counted(k)} fail; of the {path} {self._counted(best)}; "
+                f"{turns}: of the simulated ones {both[0]} fail; of the {path} {both[1]}; "
                 "the data of the law cannot tell these rates apart"
             )
 
