@@ -8,11 +8,11 @@ from pareto_ltl import DataError, Readings
 from pareto_ltl.extend import Wanted, WindConfig, WindFormats, data_files
 from pareto_ltl.settings.wind import WIND_SOURCES
 from pareto_ltl.support.file_formats import first_bytes, format_of, is_data_file
-from pareto_ltl.support.levels import HEIGHT, table_level
+from pareto_ltl.support.levels import HEIGHT, Level, table_level
 from pareto_ltl_apps.formats.content import source_of_path
-from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
+from pareto_ltl_apps.formats.grib_files import grib_levels_apart, grib_snapshots_apart
 from pareto_ltl_apps.formats.live import live_files, read_live
-from pareto_ltl_apps.formats.netcdf_files import netcdf_snapshots
+from pareto_ltl_apps.formats.netcdf_files import netcdf_levels, netcdf_snapshots
 from pareto_ltl_apps.formats.quantities import CURRENTS, WINDS
 from pareto_ltl_apps.formats.snapshots import ensemble_readings, latest_readings
 from pareto_ltl_apps.formats.station_files import read_station_files
@@ -74,6 +74,22 @@ def _read_ensemble(cfg: WindConfig, wanted: Wanted) -> Readings:
     notes = [f"{name}: {note}" if several else note for name, one in found for note in one.notes]
     laws = {one.law for _, one in found}
     return ensemble_readings(snapshots, files, cfg, tuple(notes), laws.pop() if len(laws) == 1 else "")
+
+
+def levels_in_files(cfg: WindConfig) -> set[Level]:
+    """The levels at which the files of ``wind.path`` have winds, or currents; none for what states no level.
+
+    DataError if a file cannot be read.
+    """
+    if cfg.source not in ("grib", "netcdf", "currents", "ensemble"):
+        return set()
+    quantity = CURRENTS if cfg.source == "currents" else WINDS
+    found: set[Level] = set()
+    files = _ensemble_files(cfg, Wanted()) if cfg.source == "ensemble" else data_files(cfg)
+    for kind, read in (("GRIB", grib_levels_apart), ("NetCDF", netcdf_levels)):
+        if some := tuple(file for file in files if format_of(first_bytes(file)) == kind):
+            found |= read(some, quantity)
+    return found
 
 
 READERS = {
