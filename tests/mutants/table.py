@@ -43,12 +43,12 @@ MODULES: dict[str, tuple[str, ...]] = {
     "pareto_ltl.wind.modes": ("wind/test_modes.py",),
     "pareto_ltl.wind.variability": ("wind/test_variability.py",),
     "pareto_ltl.world.polygons": ("world/test_cells.py", "world/test_shapes.py"),
-    "pareto_ltl.world.scene_edges": ("world/test_edges.py",),
     "pareto_ltl.world.scene_simplify": ("world/test_outlines.py", "world/test_scene_simplify.py"),
     "pareto_ltl.world.time_step": ("world/test_time_step.py",),
     "pareto_ltl.world.windows": ("world/test_windows.py", "logic/test_deadlines.py"),
     "pareto_ltl_apps.exports.degrees": ("exports/test_degrees.py",),
     "pareto_ltl_apps.exports.ellipses": ("exports/test_ellipses.py",),
+    "pareto_ltl_apps.formats.map_edges": ("world/test_edges.py",),
     "pareto_ltl_verify.formula": ("verify/test_formula.py", "logic/test_deadlines.py"),
     "pareto_ltl_verify.tails": ("verify/test_laws_of_parts.py",),
 }  # fmt: skip
