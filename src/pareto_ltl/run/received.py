@@ -27,7 +27,7 @@ from pareto_ltl.support.links import is_below
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.wind.sources import wind_source
-from pareto_ltl.world.map_file import map_formats
+from pareto_ltl.world.map_formats import map_formats
 
 GRANTED = (  # settings that a user may write after the directory
     "evaluation.cluster", "evaluation.resume", "wind.source", "wind.base_url", "wind.offline", "wind.path",
