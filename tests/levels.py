@@ -28,9 +28,10 @@ SAMPLE = os.environ.get("PARETO_LTL_SAMPLE", "") if AT_NIGHT else ""  # its seed
 SAMPLE_SHARE, SAMPLE_SECONDS = 0.1, 60.0  # of the tests of the night alone; no test begins later
 Case = TypeVar("Case")
 
-# Modules of the fast level, and those among them that run kernels or start processes.
+# Modules of the fast level, and those among them that run kernels, start processes or compose for long.
 FAST = ["logic/*", "settings/*", "support/*", "world/*"]
 NOT_FAST = [
+    "settings/test_building",
     "support/test_cache",
     "support/test_extras",
     "support/test_netcdf4",
@@ -44,6 +45,7 @@ NOT_BY_DAY = [
     "test_published::test_the_published_plans_have_the_ranks_that_the_page_states",
     "test_benchmarks",
     "test_corpus",
+    "test_docs::test_the_search_works_in_a_site_that_is_opened_as_files",
     "test_documented_commands",
     "test_environment",
     "test_packages",
@@ -75,11 +77,13 @@ NOT_BY_DAY = [
     "preflight/test_check",
     "preflight/test_contain_command",
     "planning/test_front_sweep",
+    "planning/test_merged_steps::test_paths_in_merged_steps_are_flown_in_all_steps",
     "planning/test_no_path",
     "planning/test_power",
     "planning/test_programme",
     "planning/test_search_map",
     "planning/test_smoothing_large",
+    "planning/test_step_programme::test_the_solved_step_is_that_of_the_plain_statement",
     "planning/test_timed_trees",
     "planning/test_uncompiled_plans",
     "report/test_command_output",
@@ -117,9 +121,11 @@ NOT_BY_DAY = [
     "simulation/test_beacons",
     "simulation/test_coherent_flights",
     "simulation/test_common_flights::test_flights_with_fixes_steer_by_them_in_linear_winds",
+    "simulation/test_error_tail::test_weighted_flights_agree_with_plain_ones",
     "simulation/test_failure_times",
     "simulation/test_fixes",
     "simulation/test_judging",
+    "simulation/test_replanned_errors::test_over_all_fixes_the_promises_are_right_in_the_mean",
     "support/test_extensions",
     "support/test_extras::test_a_plan_in_python_loads_neither_hydra_nor_the_readers_of_other_files",
     "verify/test_capacity",
@@ -138,6 +144,9 @@ NOT_BY_DAY = [
     "verify/test_simplified",
     "verify/test_unscored",
     "verify/test_verify",
+    "wind/test_air::test_messages_of_the_air_are_read_with_the_wind_at_their_level",
+    "wind/test_ensemble::test_a_folder_for_each_member_is_an_ensemble",
+    "wind/test_ensemble::test_notes_on_the_members_in_grib_files_are_kept",
     "wind/test_law_estimate",
     "wind/test_netcdf_files",
     "wind/test_live",
