@@ -584,3 +584,9 @@ def test_a_length_below_one_has_the_shortest_path_as_its_unit():
     front = front_of((0.3, 0.0, 0.5), (0.0, 0.0, 0.8))
     assert chosen(front, rule="weighted", weights=[0.5, 0.0, 0.5])[2] == 0.5
     assert chosen(front, rule="weighted", weights=[0.7, 0.0, 0.3])[2] == 0.8
+
+
+def test_a_length_of_zero_is_no_unit():
+    front = front_of((0.3, 0.0, 0.0), (0.0, 0.0, 0.4))
+    assert chosen(front, rule="weighted", weights=[0.5, 0.0, 0.5])[2] == 0.0
+    assert chosen(front, rule="weighted", weights=[0.6, 0.0, 0.4])[2] == 0.4
