@@ -2,8 +2,8 @@
 
     cd tests && python -m mutants.reach [folder ...]
 
-A record is a JSON file below ``build/mutants``, which takes the time of the tests of the day to make. It is
-made again when a source, or a test of its folder, is another one.
+A record is a JSON file below ``build/mutants``, which takes the time of these tests to make. It is made again
+when a source, or a test of its folder, is another one. ``PARETO_LTL_TESTS`` says which tests (``levels.py``).
 """
 
 from __future__ import annotations
@@ -109,7 +109,6 @@ def _is_new(folder: str, uncompiled: bool) -> bool:
 def _record(folder: str, uncompiled: bool) -> None:
     if (child := os.fork()) == 0:
         os.chdir(ROOT)
-        os.environ["PARETO_LTL_TESTS"] = "day"
         if uncompiled:
             os.environ["NUMBA_DISABLE_JIT"] = "1"
         words = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", f"tests/{folder}"]
