@@ -58,6 +58,14 @@ def test_bumps_move_neither_the_departure_nor_the_end(detour: Any) -> None:
         assert np.abs(off).max() > 1.0
     largest = [int(np.hypot(*off.T).argmax()) for off in found]
     assert max(largest) == STEP
+    for off, k, way in zip(found, np.repeat([4, 8, 11, 15], 2), "lalalala", strict=True):
+        ahead = path.x[k] - path.x[k - 1]
+        ahead = ahead / np.hypot(*ahead)
+        way_of = np.array([-ahead[1], ahead[0]]) if way == "l" else ahead  # left of the track, or along it
+        peak = off[np.hypot(*off.T).argmax()]
+        np.testing.assert_allclose(peak / np.hypot(*peak), way_of, atol=1e-9)
+    reach = 0.5 * np.sqrt(np.linalg.eigvalsh(path.cov[STEP])[-1])
+    assert np.hypot(*found[-1][STEP]) == pytest.approx(reach)
 
 
 def test_airspeeds_are_within_their_limits_and_keep_their_directions(detour: Any) -> None:
