@@ -162,7 +162,7 @@ def command_lines(place: Path) -> Fuzz:
 
 
 def csv_winds(place: Path) -> Fuzz:
-    from pareto_ltl.wind.sources.csv_files import read_csv_files
+    from pareto_ltl_apps.formats.csv_files import read_csv_files
 
     return Fuzz(
         mutants(corpora.CSV), from_file(place / "wind.csv", lambda path: read_csv_files((path,), 150.0))

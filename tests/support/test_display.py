@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl.support import atmosphere, display, levels, speed_units
+from pareto_ltl.support import atmosphere, display, levels
 from pareto_ltl.support.display import interval_text, probability_text, rate_text, round_up
+from pareto_ltl_apps.formats import speed_units
 
 
 @pytest.mark.parametrize(
