@@ -1,9 +1,14 @@
 from pareto_ltl.logic.automaton import Automaton as Automaton
+from pareto_ltl.logic.automaton import alphabet_of as alphabet_of
+from pareto_ltl.logic.automaton import automaton_from_table as automaton_from_table
+from pareto_ltl.logic.automaton import letter_codes as letter_codes
 from pareto_ltl.logic.automaton import show_letter as show_letter
 from pareto_ltl.logic.automaton import translate as translate
+from pareto_ltl.logic.dfa import TransitionTable as TransitionTable
 from pareto_ltl.logic.formula import Formula as Formula
 from pareto_ltl.logic.formula import disputed_reading as disputed_reading
 from pareto_ltl.logic.formula import parse_formula as parse_formula
+from pareto_ltl.logic.hoa import AutomatonFormats as AutomatonFormats
 from pareto_ltl.planning.branching.records import Branch as Branch
 from pareto_ltl.planning.branching.records import Branching as Branching
 from pareto_ltl.planning.branching.records import plan_on_branch as plan_on_branch

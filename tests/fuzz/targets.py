@@ -57,7 +57,7 @@ def formulas(place: Path) -> Fuzz:
 
 
 def automata(place: Path) -> Fuzz:
-    from pareto_ltl.logic.hoa import read_hoa
+    from pareto_ltl_apps.formats.hoa_files import read_hoa
 
     seeds = [text.encode() for text in corpora.HOA]
     return Fuzz(mutants(seeds), from_file(place / "a.hoa", read_hoa))
