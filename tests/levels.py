@@ -1,9 +1,9 @@
 """Which tests run while one writes (``make test-fast``), by day (``make test``), before a change is taken in
 (``make test-all``) and at night.
 
-``PARETO_LTL_TESTS`` is ``fast``, ``day``, ``all`` (the default) or ``night``. With ``PARETO_LTL_DONE=day``,
-all are without the tests that ``make test`` has just run in the same way. With ``PARETO_LTL_SAMPLE=SEED``,
-the night is a tenth of what only the night runs, drawn with that seed (``make test-sample``).
+``PARETO_LTL_TESTS`` is ``fast``, ``day``, ``all`` (the default) or ``night``. Each has the tests of those
+before it. With ``PARETO_LTL_SAMPLE=SEED``, the night is a tenth of what only the night runs, drawn with that
+seed (``make test-sample``).
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ LEVEL = os.environ.get("PARETO_LTL_TESTS", "all")
 if LEVEL not in ("fast", "day", "all", "night"):
     raise ValueError(f"PARETO_LTL_TESTS must be fast, day, all or night, got {LEVEL!r}")
 BY_DAY = LEVEL in ("fast", "day")
-DONE_BY_DAY = LEVEL == "all" and os.environ.get("PARETO_LTL_DONE") == "day"  # ``make test`` has just run
 AT_NIGHT = LEVEL == "night"
 SAMPLE = os.environ.get("PARETO_LTL_SAMPLE", "") if AT_NIGHT else ""  # its seed
 SAMPLE_SHARE, SAMPLE_SECONDS = 0.1, 60.0  # of the tests of the night alone; no test begins later
@@ -71,6 +70,7 @@ NOT_BY_DAY = [
     "inflight/test_link",
     "inflight/test_mavsdk",
     "inflight/test_session",
+    "inflight/test_watch::test_no_stream_stops_a_watch",
     "planning/test_choices",
     "preflight/test_check",
     "preflight/test_contain_command",
@@ -91,6 +91,7 @@ NOT_BY_DAY = [
     "report/test_texts",
     "run/test_branches",
     "run/test_choosing",
+    "run/test_compile_time::test_ctrl_c_while_it_compiles_leaves_no_process_and_no_broken_code",
     "run/test_directory",
     "run/test_documents",
     "run/test_exporting",
@@ -100,6 +101,7 @@ NOT_BY_DAY = [
     "run/test_nothing_received_acts",
     "run/test_nth_call",
     "run/test_objects_compose",
+    "run/test_pipeline::test_where_refinement_finds_nothing_that_can_be_flown_the_paths_of_the_trees_stay",
     "run/test_received_results",
     "run/test_replan_inputs",
     "run/test_replanning",
@@ -114,10 +116,12 @@ NOT_BY_DAY = [
     "settings/test_odd_values",
     "simulation/test_beacons",
     "simulation/test_coherent_flights",
+    "simulation/test_common_flights::test_flights_with_fixes_steer_by_them_in_linear_winds",
     "simulation/test_failure_times",
     "simulation/test_fixes",
     "simulation/test_judging",
     "support/test_extensions",
+    "support/test_extras::test_a_plan_in_python_loads_neither_hydra_nor_the_readers_of_other_files",
     "verify/test_capacity",
     "verify/test_further_costs",
     "verify/test_far_barriers",
@@ -125,6 +129,9 @@ NOT_BY_DAY = [
     "verify/test_forbidden",
     "verify/test_generated_lies",
     "verify/test_air",
+    "verify/test_laws_of_parts",
+    "verify/test_rare_promises::test_further_flights_fail_as_often_as_the_first_ones",
+    "verify/test_readings",
     "verify/test_exact_replans",
     "verify/test_robot_errors",
     "verify/test_replanned_errors",
@@ -139,6 +146,7 @@ NOT_BY_DAY = [
     "wind/test_sources",
     "wind/test_wind_document",
     "wind/test_wind_kinds",
+    "world/test_region_names",
 ]
 ONLY_AT_NIGHT = [
     "planning/test_uncompiled_plans",
@@ -213,6 +221,34 @@ FEWER: dict[str, tuple[int, str]] = {
     "studies/test_sweeps::test_a_launcher_killed_in_the_middle_and_started_again_gives_the_same_summary": (
         0, "22 s: run/test_faults kills a sweep at a random moment, and continues it",
     ),
+    "studies/test_sweeps::test_submitit_waits_for_all_jobs_when_one_is_killed_and_runs_that_one_again": (
+        0, "21 s: the queue treats what any launcher raises alike, and is tested with killed jobs there",
+    ),
+    "studies/test_sweeps::test_half_the_jobs_killed_once_are_run_again_by_the_same_command": (
+        0, "a job that kills its process every time is killed once, and run again, before it is given up",
+    ),
+    "studies/test_replan_test::test_a_mission_is_flown_once_in_each_way_in_the_same_wind": (
+        1, "a turning wind: 16 s each; a calm is one of the winds of studies/test_replanning",
+    ),
+    "test_examples::test_an_example_runs_and_says_something": (
+        3, "10 s each; two more run for what they say, and the others call what run/test_interface,"
+        " run/test_choosing, studies/test_studies and inflight/test_link test",
+    ),
+    "serve/test_desk_browser::test_points_are_compared_with_flights_beacons_winds_and_starts": (
+        0, "28 s: the answers are tested in serve/test_desk_api, and another test there compares a point",
+    ),
+    "run/test_whole_jobs::test_speed_and_direction_of_the_nbm_are_flown": (
+        0, "wind/test_live_models reads these files, and winds of other files are flown there",
+    ),
+    "run/test_whole_jobs::test_the_current_of_rtofs_is_sailed": (
+        0, "wind/test_live_models reads these files, and the current of HYCOM is sailed there",
+    ),
+    "serve/test_desk_browser::test_random_clicks_leave_no_error": (
+        2, "10 s each: wide without a plan, and narrow with one; the night has a hundred",
+    ),
+    "cli/test_commands::test_the_flag_of_a_sweep_may_stand_anywhere": (
+        3, "six orders of the same three words, half a second of composition each",
+    ),
 }  # fmt: skip
 
 
@@ -232,9 +268,7 @@ def of_this_level(items: Sequence[pytest.Item]) -> list[pytest.Item]:
         return list(items)
     night = _left_to_night(items)
     chosen = [item for item in items if item not in night]
-    if BY_DAY:
-        return [item for item in chosen if not _listed_test(item, NOT_BY_DAY)]
-    return [item for item in chosen if not (DONE_BY_DAY and same_by_day(item))]
+    return [item for item in chosen if not _listed_test(item, NOT_BY_DAY)] if BY_DAY else chosen
 
 
 def fewer(cases: int, retained: int) -> set[int]:
@@ -284,13 +318,6 @@ def drawn(items: Sequence[pytest.Item], seed: str) -> list[pytest.Item]:
     order = list(modules)
     dice.shuffle(order)
     return [item for path in order for item in modules[path]]
-
-
-def same_by_day(item: pytest.Item) -> bool:
-    """Whether a test is the same by day: something of its module by level would make it another one."""
-    if _listed(item.path, NOT_BY_DAY) or _listed_test(item, NOT_BY_DAY):
-        return False
-    return not _depends_on_level(item, "BY_DAY")
 
 
 def _depends_on_level(item: pytest.Item, *levels: str) -> bool:

@@ -1,4 +1,4 @@
-"""What ``make test`` has run in the same way is not run again; what only the night runs has a reason."""
+"""Each level has the tests of those before it; what only the night runs has a reason."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import levels
-from levels import FEWER, NOT_BY_DAY, drawn, fewer, names_by_level, of_this_level, same_by_day
+from levels import FEWER, NOT_BY_DAY, drawn, fewer, names_by_level, of_this_level
 
 HERE = Path(__file__)
 MODULE = """
@@ -51,15 +51,13 @@ def test_what_all_tests_of_a_module_use_makes_all_of_them_depend(more: str) -> N
     assert "test_alike" in names_by_level(MODULE + more, "BY_DAY")
 
 
-def test_a_test_with_examples_of_the_level_is_the_same_by_day_and_another_one_at_night() -> None:
+def test_a_test_with_examples_of_the_level_is_another_one_at_night() -> None:
     def plain() -> None: ...
 
     usual = given(st.none())(lambda _: None)
     own = settings(max_examples=7)(given(st.none())(lambda _: None))
     items = [item(HERE, test) for test in (plain, usual, own)]
-    assert all(same_by_day(one) for one in items)
     assert levels.night_alone(items) == {items[1]}
-    assert not same_by_day(item(HERE.parent / "test_golden.py", plain))
 
 
 @dataclass(eq=False)
@@ -84,7 +82,7 @@ def level(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Sets a level."""
 
     def change(**values: Any) -> None:
-        usual = {"BY_DAY": False, "AT_NIGHT": False, "DONE_BY_DAY": False, "SAMPLE": ""}
+        usual = {"BY_DAY": False, "AT_NIGHT": False, "SAMPLE": ""}
         for name, value in (usual | values).items():
             monkeypatch.setattr(levels, name, value)
 
@@ -100,10 +98,9 @@ def test_the_cases_that_stay_are_as_many_as_stated_from_first_to_last(count: int
         assert {0, count - 1} <= chosen
 
 
-def test_by_day_and_all_that_are_not_by_day_are_together_all(
+def test_all_tests_have_those_of_the_day_and_the_night_has_every_test(
     level: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whatever is left out by day, each case runs in one of the two, or is of the night."""
     monkeypatch.setitem(FEWER, "test_levels::test_few", (3, "for this test"))
     monkeypatch.setattr(levels, "NOT_BY_DAY", [*NOT_BY_DAY, "test_levels::test_slow"])
     golden = HERE.parent / "test_golden.py"
@@ -120,11 +117,7 @@ def test_by_day_and_all_that_are_not_by_day_are_together_all(
     ]
     level(BY_DAY=True)
     by_day = of_this_level([one for one in items if one.path == HERE])  # others are not even read
-    level(DONE_BY_DAY=True)
-    rest = of_this_level(items)
-    assert [id(one) for one in every] == sorted(
-        map(id, [*by_day, *rest]), key=[id(one) for one in every].index
-    )
+    assert by_day == [one for one in every if one.path == HERE and one.name != "test_slow"]
     level(AT_NIGHT=True)
     assert of_this_level(items) == items
 

@@ -216,6 +216,16 @@ def quantities_in(path: Path) -> dict[str, bool]:
         return there
 
 
+def netcdf_levels(files: tuple[Path, ...], quantity: Quantity) -> set[Level]:
+    """The levels at which NetCDF ``files`` have ``quantity``; DataError as :func:`netcdf_snapshots`."""
+    there: set[Level] = set()
+    for path in files:
+        with _open_dataset(path) as data:
+            for _, array in _components(path, data, quantity):
+                there.update(levels_of(array, quantity.length)[1])
+    return there
+
+
 def _advice(data: xr.Dataset, quantity: Quantity) -> str:
     """Advice for a file of currents that is read as winds, or of winds that is read as currents."""
     other = other_quantity(quantity)

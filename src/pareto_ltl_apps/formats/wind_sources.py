@@ -12,6 +12,7 @@ from pareto_ltl.extend import WindFormats, WindSource
 if TYPE_CHECKING:
     from pareto_ltl import Readings
     from pareto_ltl.extend import Wanted, WindConfig
+    from pareto_ltl.support.levels import Level
 
 Read = Callable[["WindConfig", "Wanted"], "Readings"]
 SOURCES: dict[str, WindSource] = {}
@@ -179,6 +180,28 @@ def ensemble(cfg: WindConfig, wanted: Wanted) -> Readings:
     notes = [f"{name}: {note}" if several else note for name, one in found for note in one.notes]
     laws = {one.law for _, one in found}
     return ensemble_readings(snapshots, files, cfg, tuple(notes), laws.pop() if len(laws) == 1 else "")
+
+
+def levels_in_files(cfg: WindConfig) -> set[Level]:
+    """The levels at which the files of ``wind.path`` have winds, or currents; none for what states no level.
+
+    DataError if a file cannot be read.
+    """
+    if cfg.source not in ("grib", "netcdf", "currents", "ensemble"):
+        return set()
+    from pareto_ltl.extend import Wanted
+    from pareto_ltl.support.file_formats import first_bytes, format_of
+    from pareto_ltl_apps.formats.grib_files import grib_levels_apart
+    from pareto_ltl_apps.formats.netcdf_files import netcdf_levels
+    from pareto_ltl_apps.formats.quantities import CURRENTS, WINDS
+
+    quantity = CURRENTS if cfg.source == "currents" else WINDS
+    found: set[Level] = set()
+    files = SOURCES[cfg.source].files(cfg, Wanted())
+    for kind, read in (("GRIB", grib_levels_apart), ("NetCDF", netcdf_levels)):
+        if some := tuple(file for file in files if format_of(first_bytes(file)) == kind):
+            found |= read(some, quantity)
+    return found
 
 
 # --- no files -------------------------------------------------------------------------------------
