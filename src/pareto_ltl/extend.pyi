@@ -1,9 +1,14 @@
 from pareto_ltl.logic.automaton import Automaton as Automaton
+from pareto_ltl.logic.automaton import alphabet_of as alphabet_of
+from pareto_ltl.logic.automaton import automaton_from_table as automaton_from_table
+from pareto_ltl.logic.automaton import letter_codes as letter_codes
 from pareto_ltl.logic.automaton import show_letter as show_letter
 from pareto_ltl.logic.automaton import translate as translate
+from pareto_ltl.logic.dfa import TransitionTable as TransitionTable
 from pareto_ltl.logic.formula import Formula as Formula
 from pareto_ltl.logic.formula import disputed_reading as disputed_reading
 from pareto_ltl.logic.formula import parse_formula as parse_formula
+from pareto_ltl.logic.hoa import AutomatonFormats as AutomatonFormats
 from pareto_ltl.planning.branching.records import Branch as Branch
 from pareto_ltl.planning.branching.records import Branching as Branching
 from pareto_ltl.planning.branching.records import plan_on_branch as plan_on_branch
@@ -52,6 +57,9 @@ from pareto_ltl.settings.checks import Declaration as Declaration
 from pareto_ltl.settings.checks import Setting as Setting
 from pareto_ltl.settings.heights import FlownAir as FlownAir
 from pareto_ltl.settings.heights import Height as Height
+from pareto_ltl.settings.wind import WindFormats as WindFormats
+from pareto_ltl.settings.wind import WindSource as WindSource
+from pareto_ltl.settings.wind import wind_sources as wind_sources
 from pareto_ltl.simulation.beacons import BeaconMap as BeaconMap
 from pareto_ltl.simulation.common_flights import DrawnFlights as DrawnFlights
 from pareto_ltl.simulation.common_flights import draw_flights as draw_flights
@@ -65,6 +73,7 @@ from pareto_ltl.simulation.samples import FlightSample as FlightSample
 from pareto_ltl.simulation.samples import plain_sample as plain_sample
 from pareto_ltl.simulation.samples import weighted_samples as weighted_samples
 from pareto_ltl.wind.air import NodeAir as NodeAir
+from pareto_ltl.wind.area import ALL_WIND as ALL_WIND
 from pareto_ltl.wind.area import GeoBox as GeoBox
 from pareto_ltl.wind.area import Wanted as Wanted
 from pareto_ltl.wind.between import with_interpolation_errors as with_interpolation_errors
@@ -74,11 +83,11 @@ from pareto_ltl.wind.named_laws import first_law as first_law
 from pareto_ltl.wind.named_laws import law_of_newer_runs as law_of_newer_runs
 from pareto_ltl.wind.named_laws import law_of_parts_named as law_of_parts_named
 from pareto_ltl.wind.named_laws import packaged_laws as packaged_laws
+from pareto_ltl.wind.readings import CALM as CALM
 from pareto_ltl.wind.snapshots import Snapshot as Snapshot
 from pareto_ltl.wind.snapshots import readings_of as readings_of
-from pareto_ltl.wind.sources import WindFormats as WindFormats
-from pareto_ltl.wind.sources import WindSource as WindSource
 from pareto_ltl.wind.sources import data_files as data_files
+from pareto_ltl.wind.sources import wind_source as wind_source
 from pareto_ltl.world.cells import Decomposition as Decomposition
 from pareto_ltl.world.map_formats import MapFormats as MapFormats
 from pareto_ltl.world.map_formats import Unread as Unread

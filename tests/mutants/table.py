@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[2] / "src"
-PACKAGES = ("pareto_ltl",)
+PACKAGES = ("pareto_ltl", "pareto_ltl_apps/formats")  # what plans depend on
 UNCOMPILED = ("pareto_ltl.kernels",)  # judged by tests that run without compilation
 FOLDERS = (  # of tests, which run compiled kernels
     "logic", "planning", "run", "settings", "simulation", "support", "wind", "world", "kernels", "exports",
@@ -40,13 +40,13 @@ EQUIVALENT: dict[tuple[str, str, str, str], str] = {
         "1",
     ): "letters are told apart by a proposition more, and lead to the same states",
     (
-        "pareto_ltl.logic.labels",
+        "pareto_ltl_apps.formats.hoa_labels",
         "self.known.clear()",
         "self.known.clear()",
         "pass",
     ): "what is known is worked out again: memory, not results",
     (
-        "pareto_ltl.logic.labels",
+        "pareto_ltl_apps.formats.hoa_labels",
         "if len(self.known) * self.letters > MAX_STORED:",
         "len(self.known) * self.letters > MAX_STORED",
         "(len(self.known) * self.letters >= MAX_STORED)",

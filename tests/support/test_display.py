@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl.support import atmosphere, display, levels, speed_units
+from pareto_ltl.support import atmosphere, display, levels
 from pareto_ltl.support.display import (
     NEGLIGIBLE,
     allowed_text,
@@ -30,6 +30,7 @@ from pareto_ltl.support.display import (
     round_up,
     speed_digits,
 )
+from pareto_ltl_apps.formats import speed_units
 
 
 @pytest.mark.parametrize(
