@@ -9,6 +9,9 @@ not repeated: the same command continues; ``--tables`` prints what the finished 
 
 The search is smaller than by default, so that a mission takes a minute or two: ``QUICK`` for the plan, the
 branches and the new plans, ``FEWER`` for the flights that branches are fitted to and chosen by.
+
+``--trunks`` plans branches at the first fix for the same missions, once on the path that is best without
+branches and once on the one that ``branch.fit_trunk`` takes, and flies both in the same winds.
 """
 
 from __future__ import annotations
@@ -29,6 +32,8 @@ from numpy.random import SeedSequence
 
 from corpus.missions import missions
 from corpus.running import read_rows
+from pareto_ltl.planning.records import Plan
+from pareto_ltl.planning.selection_rules import SMALL
 from pareto_ltl.run.branching import tree_plan, tree_search
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.plan_stage import branched
@@ -71,14 +76,78 @@ def planned(folder: Path, words: Sequence[str], extra: Sequence[str]) -> str:
     return "" if done.returncode == 0 else (done.stderr.strip() or "no plan").splitlines()[-1][:300]
 
 
-def measured(folder: Path, replans: int) -> dict[str, Any]:
-    """The row of a mission whose plan is in ``folder``: failures of each way, and how the trees came out."""
+def opened(folder: Path) -> tuple[Run, Plan]:
+    """The run in ``folder``, and its plan."""
     run = Run.open(folder / "run")
-    problem, plan = run.problem, run.plan
-    own = next(path for path in run.front.paths if np.array_equal(path.x, plan.path.x))
-    plan = replace(plan, path=own)  # the stage of the plan looks for it in the front
-    steps, dt = len(plan.path.u), problem.motion.dt
-    sd = FIX_SHARE * float(np.ptp(run.scene.bounds, axis=0).max())
+    own = next(path for path in run.front.paths if np.array_equal(path.x, run.plan.path.x))
+    return run, replace(run.plan, path=own)  # the stage of the plan looks for it in the front
+
+
+def with_branches(run: Run, plan: Plan, at: Sequence[int], fit_trunk: bool) -> Plan:
+    """``plan`` with branches at the steps ``at``."""
+    hours = [step * run.problem.motion.dt / 3600.0 for step in at]
+    branch = BranchConfig(leaves=LEAVES, at=hours, fixes=len(at), fix_sd=error_of(run), fit_trunk=fit_trunk)
+    return branched(run.with_settings(replace(run.settings, branch=branch)), plan)
+
+
+def error_of(run: Run) -> float:
+    """The standard deviation of a fix [m]."""
+    return FIX_SHARE * float(np.ptp(run.scene.bounds, axis=0).max())
+
+
+def compared_trunks(folder: Path) -> dict[str, Any]:
+    """Failure and expected length of the trees on the plan in ``folder`` and on a trunk for its branches."""
+    run, plan = opened(folder)
+    winds = TreeFlights.drawn(run.problem, 2 * FLIGHTS, SeedSequence(20261130))
+    first = min(max(round(FIXES[0] * len(plan.path.u)), 1), len(plan.path.u) - 1)
+    failed: list[np.ndarray] = []
+    row: dict[str, Any] = {"as planned": winds.failed(plan.path.u).mean()}
+    for name, fit in (("plan", False), ("fitted", True)):
+        one = with_branches(run, plan, [first], fit)
+        tree = one.branching
+        failed.append(fly_branches(winds, one.path.u, tree).failed if tree else winds.failed(one.path.u))
+        length = tree.length if tree else one.path.objectives.length
+        score = math.log(failed[-1].mean() + SMALL) + run.settings.selection.saving * math.log(length)
+        row[name] = {
+            "failure": failed[-1].mean(), "length": length, "score": score,
+            "other": bool(not np.array_equal(one.path.x, plan.path.x)),
+        }  # fmt: skip
+    row["difference"] = paired_difference(*failed)
+    return row
+
+
+def trunk_table(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """What the compared trunks say."""
+    done = [row for row in rows if "difference" in row]
+    if not done:
+        return
+    other = [row for row in done if row["fitted"]["other"]]
+    gap = np.array([row["difference"][0] for row in done])
+    drawn = np.random.default_rng(2).choice(gap, (RESAMPLED, len(gap))).mean(axis=1)
+    low, high = 100.0 * np.quantile(drawn, [0.025, 0.975])
+    longer = np.mean([math.log(row["fitted"]["length"] / row["plan"]["length"]) for row in done])
+    score = np.mean([row["fitted"]["score"] - row["plan"]["score"] for row in done])
+    less, more = (sum(test(row["difference"]) for row in other) for test in (_below, _above))
+    yield f"trunks for their branches: {len(done)} missions, another trunk in {len(other)}"
+    yield (
+        f"  failure of the tree {100 * gap.mean():+.2f} points (95 %: {low:+.2f} to {high:+.2f}), length "
+        f"{100 * longer:+.1f} %, score {score:+.3f}; {less} fail less (interval below 0), {more} more"
+    )
+
+
+def _below(difference: Sequence[float]) -> bool:
+    return difference[2] < 0.0
+
+
+def _above(difference: Sequence[float]) -> bool:
+    return difference[1] > 0.0
+
+
+def measured(folder: Path, replans: int) -> dict[str, Any]:
+    """The row of a mission whose plan is in ``folder``: failures of each way, and how the tree came out."""
+    run, plan = opened(folder)
+    problem, sd = run.problem, error_of(run)
+    steps = len(plan.path.u)
     winds = TreeFlights.drawn(problem, FLIGHTS, SeedSequence(20261128))
     alone = winds.failed(plan.path.u)
     known = winds.flights.failed(always_known(winds.flights, plan.path.u, plan.path.x))
@@ -90,9 +159,7 @@ def measured(folder: Path, replans: int) -> dict[str, Any]:
     at = sorted({min(max(round(share * steps), 1), steps - 1) for share in FIXES})
     if len(at) < len(FIXES):
         return row
-    hours = [step * dt / 3600.0 for step in at]
-    branch = BranchConfig(leaves=LEAVES, at=hours, fixes=len(at), fix_sd=sd, fit_trunk=False)
-    tree = branched(run.with_settings(replace(run.settings, branch=branch)), plan).branching
+    tree = with_branches(run, plan, at, False).branching
     if tree is None:
         ways = [alone, alone]
     else:
@@ -189,6 +256,20 @@ def contingency(branches: np.ndarray, replanned: np.ndarray) -> tuple[float, flo
     return middle, float(low), float(high)
 
 
+def compare_all(out: Path) -> None:
+    """Compare the trunks of the finished missions of ``out``, as lines of OUT/trunks.jsonl."""
+    file = out / "trunks.jsonl"
+    rows = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
+    done = {row["mission"] for row in rows}
+    for name in (row["mission"] for row in read_rows(out) if row.get("as planned", 0.0) >= SAFE):
+        if name in done:
+            continue
+        rows.append({"mission": name, **compared_trunks(out / "missions" / name)})
+        with file.open("a") as stream:
+            stream.write(json.dumps(rows[-1]) + "\n")
+        print("\n".join(trunk_table(rows)), flush=True)
+
+
 def main() -> int:
     """Measure what is not finished, and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -197,6 +278,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=61, help="seed of the missions")
     parser.add_argument("--replans", type=int, default=8, help="flights of a mission with new plans")
     parser.add_argument("--out", type=Path, default=FOLDER)
+    parser.add_argument("--trunks", action="store_true", help="compare trunks on the finished missions")
     parser.add_argument("--tables", "--report", action="store_true", help="only print the tables")
     asked = parser.parse_intermixed_args()
     out = asked.out.resolve()
@@ -212,6 +294,9 @@ def main() -> int:
             if hasattr(module, constant):
                 setattr(module, constant, value)
     mark.write_text(json.dumps(identity) + "\n")
+    if asked.trunks:
+        compare_all(out)
+        return 0
     done = {row["mission"] for row in read_rows(out)}
     for mission in [] if asked.tables else missions(asked.count, asked.seed, 1):
         if mission.name in done or mission.tags["wind"] == "calm":
@@ -228,6 +313,9 @@ def main() -> int:
             stream.write(json.dumps({"mission": mission.name, **row}) + "\n")
         print(mission.name, fault or f"{100 * row['as planned']:.1f} % fail as planned", flush=True)
     print("\n".join(tables(read_rows(out))))
+    compared = out / "trunks.jsonl"
+    lines = compared.read_text().splitlines() if compared.exists() else []
+    print("\n".join(trunk_table([json.loads(line) for line in lines])))
     return 0
 
 
