@@ -103,10 +103,10 @@ class RefineConfig(CheckedSettings, section="refine"):
     classes: int = setting(
         4, "classes of paths (mission order, sides of the obstacles) that are swept", "[1, 1000]"
     )
-    points: int = setting(18, "largest number of paths that are polished on all flights", "[2, 10_000]")
+    points: int = setting(26, "largest number of paths that are polished on all flights", "[2, 10_000]")
 
     def coarse(self) -> RefineConfig:
-        """These settings within ``COARSE_EFFORT``: about a third of the time, slightly worse plans."""
+        """These settings within ``COARSE_EFFORT``: one scout, a third of the time, slightly worse plans."""
         return replace(self, **{name: min(getattr(self, name), at) for name, at in COARSE_EFFORT.items()})
 
 

@@ -1,10 +1,13 @@
 """The front of failure rate and length: sweeps of the length cap in the best classes of paths.
 
-All starts are ranked by one simulation, and the most promising polished cheaply (``looks``), to find
-the lengths that reduce the failure rate. From the longest of these the cap falls until no path satisfies it,
-and rises until two longer levels in a row have no lower failure rate (``levels``). A level begins with the
-best classes of the level before, in several numbers of steps from the fewest upwards. The non-dominated paths
-are polished once more on more flights, and at last within the chance constraints of all segments
+Scouts (:func:`scouts`), each with other flights, rank all starts by one simulation, polish the most
+promising cheaply (``looks``), and find the lengths that reduce the failure rate. From the longest of these
+the cap falls until no path satisfies it (``levels``). A level begins with the best classes of the level
+before, in several numbers of steps from the fewest upwards.
+
+The paths of all scouts are then compared by the same flights. Points along their front are polished on more
+flights; the safest is lengthened, and classes that may be safer at longer lengths are tried. More points come
+into the widest gaps, and all are polished at last within the chance constraints of all segments
 (``last_polish``).
 
 For a robot with a power curve, points of the front are also polished in more steps: at lower airspeeds a path
@@ -12,9 +15,6 @@ may take less energy.
 
 With a time budget the sweeps end when most of it is spent. If some is left after them, paths of the front are
 varied and polished again until it is spent.
-
-Coarser searches (:func:`coarse`), each on other flights, come first: their paths are starts of the search,
-and stay on the front.
 
 The time of a search is proportional to the number of steps. A path of more than :data:`MANY` steps is
 therefore refined in runs of several steps with one control each: in about :data:`LEGS` runs, none longer than
@@ -42,12 +42,10 @@ from pareto_ltl.planning.records import Forest, PlannedPath
 from pareto_ltl.planning.refine import last_polish
 from pareto_ltl.planning.refine.levels import (
     FLIPPED,
-    filled_gaps,
     first_look,
     hopeless_above,
     looks,
     swept_down,
-    swept_up,
 )
 from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights, divided
 from pareto_ltl.planning.refine.starts import (
@@ -62,20 +60,17 @@ from pareto_ltl.planning.refine.starts import (
 )
 from pareto_ltl.planning.refine.sweep import (
     ALL_STEPS,
-    COARSE_SHARES,
     FINE,
-    MORE_FLIGHTS,
-    SEARCH_STEPS,
+    SCOUT_STEPS,
+    SCOUTS,
+    SWEEP_SHARE,
     WIDE,
     WITHIN_REACH,
     Progress,
     Sweep,
-    first_of,
     front_of,
     new_sweep,
-    smoothed,
 )
-from pareto_ltl.planning.routes.obligations import completes
 from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.budget import UNLIMITED, Budget
@@ -83,13 +78,12 @@ from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.machine import on_all_cores
 from pareto_ltl.world.time_step import SHARE_OF_PLACE, narrowest_place
 
-HARD = 0.3  # failure above which a mission with landmarks has one coarse search: it takes minutes there
+COMPARED = 12  # classes, besides those that are swept, whose best path is compared by all flights
 LONG = 1e5  # [m] lengths above have no decimals in messages
 ROUND = 4  # points of a front that are varied between two reports
 # Where no path keeps epsilon: rounds, paths that are varied in each, and variants that are closed.
 ROUNDS, NEAREST, VARIED = 3, 4, 12
 MORE = (0, 1, 2, 3, 5, 8)  # numbers of steps beyond the fewest
-FITTED = 0.95  # failures of a path in the flights that it is polished on, relative to those in other ones
 MANY = 200  # steps of the shortest start, above which steps are merged
 LEGS = 100  # runs of steps that it then has, about
 SOLVES = 4  # of the last polish in all steps
@@ -119,33 +113,30 @@ def sampled_paths(
 
 
 def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Candidate, Candidate]]:
-    """What the coarse searches and the search find, each before and after its last solve (``closed``).
+    """What the search finds, each path before and after its last solve (``closed``).
 
-    Where no path keeps epsilon, one more searches among paths that are near it: in an order or on a side of
+    Where no path keeps epsilon, it is repeated among paths that are near it: in an order or on a side of
     an obstacle where flights fail more often. At last the paths nearest to epsilon are varied.
     """
-    known, seen = list[Candidate](), looks(sweep, starts)
-    for number, rough in enumerate(coarse_sweeps(sweep)):
-        if number and sweep.problem.landmarks and min(map(smoothed, known), default=1.0) > HARD:
-            break
-        own = seen if number == 0 else looks(rough, starts)
-        known += searched(rough, own)
-    # By all flights: each coarse search has fitted its paths to some of them.
-    again = on_all_cores(sweep.reassessed, known)
-    found = _with_slower(sweep, searched(sweep, [*seen, *again]))
-    # One whose expected path does not complete the mission may become no path at all.
-    rivals = [k for k in found if completes(sweep.problem, k.flight.x)]
-    found += [k for k in again if not any(beats(other, k) for other in rivals)]
-    ended = _ended(sweep, found)
+    seen, known = list[Candidate](), list[Candidate]()
+    for scout in scouts(sweep):
+        seen = looks(scout, starts)
+        known += _compared(sweep, scout, swept(scout, seen))
+    ended = _ended(sweep, _with_slower(sweep, finished(sweep, known)))
     if not _keep_epsilon(sweep, ended):
         near = replace(sweep, most_excess=WITHIN_REACH)
-        found = _with_slower(near, searched(near, near.near_epsilon(seen)))
-        ended += _ended(sweep, found)
+        ended += _ended(sweep, _with_slower(near, searched(near, near.near_epsilon(seen))))
     for _ in range(ROUNDS):
         if sweep.budget.over() or _keep_epsilon(sweep, ended):
             break
         ended += _ended(sweep, _beside(sweep, [end for _, end in ended]))
     return ended
+
+
+def _compared(sweep: Sweep, scout: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
+    """The front of what a scout has ``found``, and the best of each class, by the flights of ``sweep``."""
+    chosen = {id(k): k for k in (*front_of(found), *scout.best_of_classes(found, more=COMPARED))}
+    return on_all_cores(sweep.reassessed, chosen.values())
 
 
 def _keep_epsilon(sweep: Sweep, ended: Iterable[tuple[Candidate, Candidate]]) -> bool:
@@ -171,25 +162,17 @@ def _beside(sweep: Sweep, ended: Iterable[Candidate]) -> list[Candidate]:
     return sorted(made, key=nearest)[:VARIED]
 
 
-def coarse_sweeps(sweep: Sweep) -> Iterator[Sweep]:
-    """The coarse searches, each on other flights of ``sweep.many``; none if ``sweep`` is coarse itself.
+def scouts(sweep: Sweep) -> Iterator[Sweep]:
+    """Sweeps that differ in their flights, of ``sweep.many``; one if the settings are coarse.
 
-    What a search misses depends on which flights it is fitted to, more than on how many: on five missions
-    four times as many flights did not make seeds agree better, and a second coarse search did.
+    What a sweep misses depends on which flights it is fitted to, more than on how many: on five missions
+    four times as many flights did not make seeds agree better, and a second sweep did.
     """
-    cfg = sweep.cfg.coarse()
-    if cfg == sweep.cfg:
-        return
-    every, many = len(sweep.many), first_of(sweep.many, MORE_FLIGHTS * cfg.flights)
-    for number, share in enumerate(COARSE_SHARES):
-        few, usual = (
-            sweep.many.only(np.sort((np.arange(min(n, every)) + number * n) % every))
-            for n in (cfg.sweep_flights, cfg.flights)
-        )
-        budget = sweep.budget.until(share)
-        yield replace(
-            sweep, cfg=cfg, few=few, flights=usual, many=many, budget=budget, before=SEARCH_STEPS * number
-        )
+    number, every, n = 1 if sweep.cfg == sweep.cfg.coarse() else SCOUTS, len(sweep.many), len(sweep.few)
+    for k in range(number):
+        few = sweep.many.only(np.sort((np.arange(n) + k * n) % every))
+        budget = sweep.budget.until(SWEEP_SHARE * (k + 1) / number)
+        yield replace(sweep, few=few, budget=budget, before=SCOUT_STEPS * k)
 
 
 def _with_slower(sweep: Sweep, found: list[Candidate]) -> list[Candidate]:
@@ -216,30 +199,35 @@ def _paths_of(
     return last_polish.planned_paths(sweep.problem, [end for _, end in ended], repairs)
 
 
-def searched(sweep: Sweep, seen: Iterable[Candidate]) -> list[Candidate]:
-    """Non-dominated candidates in length and smoothed failure, shortest first, from those ``seen``.
+def searched(sweep: Sweep, seen: Sequence[Candidate]) -> list[Candidate]:
+    """What one sweep with the flights of ``sweep`` finds from the paths ``seen``, polished on all flights."""
+    return finished(sweep, _compared(sweep, sweep, swept(sweep, seen)))
 
-    Progress is reported after each of the :data:`SEARCH_STEPS` steps.
-    """
-    seen = sorted(seen, key=smoothed)
-    sweep = replace(sweep, hopeless=hopeless_above(seen))
-    report = partial(_report, sweep)
-    report(1, seen)
-    levels = swept_down(sweep, seen)
-    report(2, [*seen, *chain(*levels)])
-    levels += swept_up(sweep, levels)
-    levels += filled_gaps(sweep, levels)
-    front = front_of(chain(*levels)) or seen[:1]
-    report(3, front)
+
+def swept(scout: Sweep, seen: Sequence[Candidate]) -> list[Candidate]:
+    """All paths that a scout finds in its sweeps, and those ``seen``."""
+    scout = replace(scout, hopeless=hopeless_above(seen))
+    _report(scout, 1, seen)
+    levels = swept_down(scout, seen)
+    found = [*seen, *chain(*levels)]
+    _report(scout, 2, found)
+    return found
+
+
+def finished(sweep: Sweep, known: Sequence[Candidate]) -> list[Candidate]:
+    """Non-dominated candidates in length and smoothed failure, shortest first, polished on all flights."""
+    sweep = replace(sweep, hopeless=hopeless_above(known))
+    front = front_of(k for k in known if k.smoothed < sweep.hopeless) or front_of(known)[:1]
     for better in improved_fronts(sweep, front):
         front = better
-        report(3, front)
+        _report(sweep, 0, front)
     found = front_of(last_polish.finished_points(sweep, front))
     found = front_of([*found, *last_polish.lengthened_points(sweep, found)])
-    if rivals := last_polish.rival_points(sweep, [*seen, *chain(*levels)], found):
+    if rivals := last_polish.rival_points(sweep, known, found):
         found = front_of([*found, *rivals])
         found = front_of([*found, *last_polish.lengthened_points(sweep, found)])
-    report(4, found)
+    found = last_polish.divided_gaps(sweep, found)
+    _report(sweep, 1, found)
     return found
 
 
@@ -283,11 +271,6 @@ def _bent(sweep: Sweep, x: FloatArray, rng: np.random.Generator) -> FloatArray:
     return np.clip(x + bump[:, None] * aside, low, high)
 
 
-def beats(one: Candidate, other: Candidate) -> bool:
-    """Whether ``one`` is not longer and fails less often, by more than a fit to these flights brings."""
-    return one.length <= other.length and one.failed <= FITTED * other.failed
-
-
 def _report(sweep: Sweep, done: int, found: Iterable[Candidate]) -> None:
     """Report the front of a search after its first ``done`` steps."""
     front = front_of(found)
@@ -296,7 +279,9 @@ def _report(sweep: Sweep, done: int, found: Iterable[Candidate]) -> None:
     shortest, safest = (distance_text(k.length, 0 if k.length > LONG else 1) for k in (front[0], front[-1]))
     fails = f"the safest fails {100 * front[-1].failed:.2g} % at {safest}"
     state = f"{len(front)} paths of at least {shortest}; {fails}"
-    sweep.progress(sweep.before + done, ALL_STEPS, state, [(k.failed, k.flight.x) for k in front])
+    sweep.progress(
+        min(sweep.before + done, ALL_STEPS), ALL_STEPS, state, [(k.failed, k.flight.x) for k in front]
+    )
 
 
 # --- long paths -----------------------------------------------------------------------------------

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -16,7 +17,14 @@ from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine.levels import WORTH, hopeless_above
 from pareto_ltl.planning.refine.sampled import Candidate
 from pareto_ltl.planning.refine.starts import retimed_means
-from pareto_ltl.planning.refine.sweep import FINE, WITHIN_REACH, Sweep, smoothed, spread_points
+from pareto_ltl.planning.refine.sweep import (
+    FINE,
+    WITHIN_REACH,
+    Sweep,
+    front_of,
+    smoothed,
+    spread_points,
+)
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.errors import InfeasibleError
@@ -24,6 +32,9 @@ from pareto_ltl.support.machine import on_all_cores
 
 LOG = logging.getLogger(__name__)
 
+RIVALS, RIVAL_ROUNDS = 2, 2  # classes that may be safer at longer lengths, and how often they are polished
+NEAR = 1.2  # times as many failures as the safest path has, with which such a class is polished once more
+GAPS = 3  # gaps of the front that are divided in a round
 LENGTHENED = 1.05  # ratio of the length caps beyond the longest point
 FEW, RARE = 3, 30  # failures of a polished path: below RARE too few to polish with, below FEW no matter
 REPAIRS = (0, 1, 2, 4)  # steps added to a path that cannot be flown
@@ -35,7 +46,7 @@ ECONOMIC = 8  # points of a front, at most, that are tried at lower airspeeds
 
 def finished_points(sweep: Sweep, front: Sequence[Candidate]) -> list[Candidate]:
     """Points along the front polished on all flights; when time is up, the rest unchanged."""
-    points = spread_points(front, sweep.cfg.points)
+    points = spread_points(front, _evenly(sweep))
 
     def one(point: tuple[Candidate, float]) -> Candidate:
         return point[0] if sweep.budget.over() else _finished(sweep, *point)
@@ -46,17 +57,24 @@ def finished_points(sweep: Sweep, front: Sequence[Candidate]) -> list[Candidate]
 def rival_points(sweep: Sweep, known: Iterable[Candidate], found: Sequence[Candidate]) -> list[Candidate]:
     """Longer paths of other classes than the safest one ``found`` that fail less, polished on all flights.
 
-    Few flights cannot tell which class is safer if hardly any of them fail. The best path of each class is
-    tried, unless its class fails more than ``RIVAL`` times as often on few flights.
+    Few flights cannot tell which class is safer if hardly any of them fail. The best paths of ``RIVALS``
+    classes are tried at their lengths and a little longer, and those once more that come near the safest one.
     """
     if not found:
         return []
-    safest = found[-1]
+    safest, made = found[-1], list[Candidate]()
     longer = [k for k in known if k.length > safest.length]
-    best = sweep.best_of_classes([safest, *longer], more=1)
     own = sweep.class_of(safest)
-    rivals = [k for k in best if sweep.class_of(k) != own]
-    made = on_all_cores(lambda k: k if sweep.budget.over() else _finished(sweep, k, k.length), rivals)
+    best = [k for k in sweep.best_of_classes([safest, *longer], more=1) if sweep.class_of(k) != own]
+
+    def one(rival: tuple[Candidate, float]) -> Candidate:
+        k, times = rival
+        return k if sweep.budget.over() else _finished(sweep, k, times * k.length)
+
+    for _ in range(RIVAL_ROUNDS):
+        new = on_all_cores(one, product(best[:RIVALS], (1.0, LENGTHENED)))
+        best = sweep.best_of_classes(k for k in new if k.smoothed < NEAR * safest.smoothed)
+        made += new
     return [k for k in made if k.smoothed < WORTH * safest.smoothed]
 
 
@@ -75,13 +93,45 @@ def lengthened_points(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidat
     return made
 
 
-def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
+def _evenly(sweep: Sweep) -> int:
+    """How many points are spread along a front, before the others come into its gaps."""
+    return max(sweep.cfg.points // 2, 2)
+
+
+def divided_gaps(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
+    """The front ``found`` with points in its widest gaps, each polished from the longer of its neighbours.
+
+    The width of a gap is what a point in it can add to the hypervolume: the product of the differences of
+    its ends in the logarithms of length and of failure. In each round the widest gaps are divided.
+    """
+    front, tried = list(found), set[tuple[float, float]]()
+
+    def width(gap: tuple[Candidate, Candidate]) -> float:
+        below, above = gap
+        return math.log(above.length / below.length) * math.log(below.smoothed / above.smoothed)
+
+    def one(gap: tuple[Candidate, Candidate]) -> Candidate:
+        below, above = gap
+        if sweep.budget.over():
+            return above
+        return _finished(sweep, above, math.sqrt(below.length * above.length), FINE[1:])
+
+    left = sweep.cfg.points - _evenly(sweep)
+    for first in range(0, left, GAPS):
+        new = (gap for gap in pairwise(front) if (gap[0].length, gap[1].length) not in tried)
+        widest = sorted(new, key=width, reverse=True)[: min(GAPS, left - first)]
+        tried |= {(below.length, above.length) for below, above in widest}
+        front = front_of([*front, *on_all_cores(one, widest)])
+    return front
+
+
+def _finished(sweep: Sweep, k: Candidate, cap: float, widths: tuple[float, ...] = FINE) -> Candidate:
     """``k`` polished at a length cap; on more flights if few of them fail, since those decide.
 
     Where its airspeeds leave half a step or more to spare, it is also polished in fewer steps.
     """
     problem, refiner = sweep.problem, sweep.refiner
-    how = sweep.polish_of(FINE, 4)
+    how = sweep.polish_of(widths, 4)
     made = refiner.polish(_fitting(problem, k, cap), sweep.flights, how, cap, k.origin)
     if fewer := min(round(spare_steps(made)), made.steps - 1):  # a path has at least one step
         x = retimed_means(problem, made.flight.x, made.steps - fewer)

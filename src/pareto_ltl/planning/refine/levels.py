@@ -1,14 +1,14 @@
-"""First looks at the starts, and sweeps of the length cap.
+"""First looks at the starts, and the sweep of the length cap.
 
-The looks tell which starts are promising, and what a cheap polish makes of them. The sweeps polish the best
-classes of paths at falling and at rising caps.
+The looks tell which starts are promising, and what a cheap polish makes of them. The sweep polishes the best
+classes of paths at falling caps.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
-from itertools import chain, pairwise
+from itertools import chain
 
 import numpy as np
 
@@ -18,14 +18,12 @@ from pareto_ltl.planning.refine.sweep import COARSE, KEPT, SPACING, WARM, WIDE, 
 from pareto_ltl.support.arrays import FloatArray, IntArray, length_of
 from pareto_ltl.support.machine import on_all_cores
 
-SPARE = (0, 1, 3)  # numbers of steps tried, beyond the fewest, besides the number of the path itself
-SLOWER = 0.1  # of the fewest steps: a longer path is also tried in so many more
-FLIP_EVERY = 3  # levels of the falling sweep between trials of other sides
+SPARE = (0, 1)  # numbers of steps tried, beyond the fewest, besides the number of the path itself
+SLOWER = 0.1  # of the fewest steps: the best path is also tried in so many more
 LONGER = 1.08  # ratio of the length caps beyond the longest that pays
 SHORTEN = 1.3  # paths up to this many times as long as the cap are shortened to it
 PAYS = 0.95  # a longer path is worth it if its failure is below this share of a shorter one's
 WORTH = 0.95  # a sweep ends after two consecutive levels above this share of the failure before
-RISING = 2  # classes of a level that the rising sweep continues
 LOOSE = 1.1  # factor by which the first polish may lengthen a start
 LINES, GROWN, LONGEST = 12, 16, 4  # starts that are polished: the best lines and tree paths, and the longest
 FLIPPED = 2  # candidates that are tried on the other side of obstacles
@@ -131,16 +129,16 @@ def swept_down(sweep: Sweep, seen: Sequence[Candidate]) -> list[list[Candidate]]
     if not seen:
         return []
     cap, levels = _longer_levels(sweep, seen, _longest_worth(seen))
-    cap, beam, number = KEPT * cap, list[Candidate](), 0
+    cap, beam = KEPT * cap, list[Candidate]()
     known, shortest = [*seen, *chain(*levels)], min(k.length for k in seen)
     while (beam or cap >= shortest) and not sweep.over:
         entering = [k for k in known if cap / SPACING < k.length <= cap]
-        made = _polished_at(sweep, [*beam, *entering], cap, SPARE[:2])
-        if number % FLIP_EVERY == 0:
-            made += _other_sides(sweep, made, cap)
+        begun = [*beam, *sweep.best_of_classes(entering)]
+        lines = [line for k in begun for line in timed_lines(sweep, k, SPARE, slower=k is begun[0])]
+        made = sweep.held_within(lines, sweep.polish_of(WARM, 3), cap)
         beam = sweep.best_of_classes(made)
         levels.append(beam)
-        cap, number = cap / SPACING, number + 1
+        cap /= SPACING
     return levels
 
 
@@ -179,54 +177,8 @@ def _longest_worth(seen: Iterable[Candidate]) -> float:
     return longest.length
 
 
-def swept_up(sweep: Sweep, below: Sequence[Sequence[Candidate]]) -> list[list[Candidate]]:
-    """The best classes at rising caps: the levels ``below``, then until longer paths do not fail less."""
-    kept = sorted((list(level) for level in below if level), key=_longest)
-    if not kept:
-        return []
-    levels, beam, vain, k = list[list[Candidate]](), kept[0], 0, 1
-    cap = _longest(beam)
-    while (k < len(kept) or vain < 2) and not sweep.over:
-        known = kept[k] if k < len(kept) else []
-        cap = _longest(known) if known else cap * SPACING
-        made = _polished_at(sweep, beam[:RISING], cap, SPARE[1:], SLOWER)
-        least = beam[0].smoothed
-        beam = sweep.best_of_classes([*made, *known, *beam])
-        vain = 0 if beam[0].smoothed < WORTH * least else vain + 1
-        levels.append(beam)
-        k += 1
-    return levels
-
-
-def _longest(level: Sequence[Candidate]) -> float:
-    return max(k.length for k in level)
-
-
-def filled_gaps(sweep: Sweep, levels: Sequence[Sequence[Candidate]]) -> list[list[Candidate]]:
-    """Levels in the gaps of the front: the path above a gap at falling caps, while it is better.
-
-    A class that only the rising sweep has found is not known at shorter lengths.
-    """
-    made, front = list[list[Candidate]](), front_of(chain(*levels))
-    for below, above in pairwise(front):
-        best = [above]
-        while best and not sweep.over and best[0].length > SPACING**2 * below.length:
-            best = _polished_at(sweep, best[:1], best[0].length / SPACING, SPARE[:2])
-            best = sorted((k for k in best if k.smoothed < below.smoothed), key=smoothed)
-            made.append(best)
-    return made
-
-
-def _polished_at(
-    sweep: Sweep, begun: Sequence[Candidate], cap: float, spare: Sequence[int], slower: float | None = None
-) -> list[Candidate]:
-    """``begun`` polished at a length cap in several numbers of steps; those within the cap are returned."""
-    lines = [line for k in begun for line in timed_lines(sweep, k, spare, slower)]
-    return sweep.held_within(lines, sweep.polish_of(WARM, 3), cap)
-
-
 def timed_lines(
-    sweep: Sweep, k: Candidate, spare: Sequence[int], slower: float | None = None
+    sweep: Sweep, k: Candidate, spare: Sequence[int], *, slower: bool = False
 ) -> list[tuple[FloatArray, int, str]]:
     """The means of ``k`` with several numbers of steps beyond the fewest: ``spare``, its own, and more.
 
@@ -235,13 +187,5 @@ def timed_lines(
     """
     fewest = fewest_steps(steps_needed(sweep.problem, k.flight.x))
     own = max(k.steps - fewest, 0)
-    more = [] if slower is None else [own + max(2, round(slower * fewest))]
+    more = [own + max(2, round(SLOWER * fewest))] if slower else []
     return [(k.flight.x, steps, k.origin) for steps in dict.fromkeys([*spare, own, *more])]
-
-
-def _other_sides(sweep: Sweep, made: Sequence[Candidate], cap: float) -> list[Candidate]:
-    """The best of ``made`` bent to the other side of every near obstacle, in classes not among ``made``."""
-    best = sorted(made, key=smoothed)[:1]
-    new = sweep.on_other_sides(best, {sweep.class_of(k) for k in made})
-    lines = [(start.x, 1, start.origin) for start in new]
-    return sweep.held_within(lines, sweep.polish_of(WIDE, 3), cap)

@@ -41,9 +41,9 @@ SWEEP_SHARE = 0.75  # share of a budget after which only the last polish is left
 SPACING = 1.03  # ratio of neighbouring length caps
 PLATEAU = 1.5  # a gap of more levels than this between two paths of a front is a plateau
 WITHIN_REACH = 20.0  # excess of a path above which it is not made to keep epsilon: a segment at 3 epsilon
-COARSE_SHARES = (0.4, 0.5)  # of a time budget, after which each of the coarse searches ends
-SEARCH_STEPS = 4  # that are reported of each search
-ALL_STEPS = SEARCH_STEPS * (len(COARSE_SHARES) + 1)
+SCOUTS = 2  # sweeps that are fitted to different flights
+SCOUT_STEPS = 2  # that are reported of each of them
+ALL_STEPS = SCOUT_STEPS * SCOUTS + 1
 KEPT = 1.002  # a path may exceed its cap by this factor
 
 
@@ -54,7 +54,7 @@ class Sweep:
     The common flights, the time ``budget``, the smoothed failure above which paths are ``hopeless``, and the
     excess of a path that is searched for, ``most_excess`` at most.
 
-    ``progress`` is called with the steps of the search, the ``before`` steps of earlier ones counted.
+    ``progress`` is called with the steps of the search, the ``before`` steps of other scouts counted.
 
     The last polish is made by ``closing``, within the chance constraints.
 
@@ -71,7 +71,7 @@ class Sweep:
     many: CommonFlights
     budget: Budget = UNLIMITED
     progress: Progress | None = None
-    before: int = ALL_STEPS - SEARCH_STEPS
+    before: int = ALL_STEPS - 1
     hopeless: float = 1.0
     most_excess: float = math.inf
 
