@@ -3,7 +3,8 @@
 
 ``PARETO_LTL_TESTS`` is ``fast``, ``day``, ``all`` (the default) or ``night``. Each has the tests of those
 before it. With ``PARETO_LTL_SAMPLE=SEED``, the night is a tenth of what only the night runs, drawn with that
-seed (``make test-sample``).
+seed (``make test-sample``). With ``PARETO_LTL_PART=2/3``, all are the tests of the day, and the second of
+three parts of the others, which take equally long.
 """
 
 from __future__ import annotations
@@ -24,13 +25,17 @@ if LEVEL not in ("fast", "day", "all", "night"):
     raise ValueError(f"PARETO_LTL_TESTS must be fast, day, all or night, got {LEVEL!r}")
 BY_DAY = LEVEL in ("fast", "day")
 AT_NIGHT = LEVEL == "night"
+PART, PARTS = (int(number) for number in os.environ.get("PARETO_LTL_PART", "1/1").split("/"))
+if not 1 <= PART <= PARTS:
+    raise ValueError(f"PARETO_LTL_PART must be like 2/3, got {PART}/{PARTS}")
 SAMPLE = os.environ.get("PARETO_LTL_SAMPLE", "") if AT_NIGHT else ""  # its seed
 SAMPLE_SHARE, SAMPLE_SECONDS = 0.1, 60.0  # of the tests of the night alone; no test begins later
 Case = TypeVar("Case")
 
-# Modules of the fast level, and those among them that run kernels or start processes.
+# Modules of the fast level, and those among them that run kernels, start processes or compose for long.
 FAST = ["logic/*", "settings/*", "support/*", "world/*"]
 NOT_FAST = [
+    "settings/test_building",
     "support/test_cache",
     "support/test_extras",
     "support/test_netcdf4",
@@ -44,6 +49,7 @@ NOT_BY_DAY = [
     "test_published::test_the_published_plans_have_the_ranks_that_the_page_states",
     "test_benchmarks",
     "test_corpus",
+    "test_docs::test_the_search_works_in_a_site_that_is_opened_as_files",
     "test_documented_commands",
     "test_environment",
     "test_packages",
@@ -75,11 +81,17 @@ NOT_BY_DAY = [
     "preflight/test_check",
     "preflight/test_contain_command",
     "planning/test_front_sweep",
+    "planning/test_landmarks::test_what_a_landmark_gives_is_continuous_in_its_distance",
+    "planning/test_margin_model::test_edges_that_are_left_out_change_no_margin_of_acceptance",
+    "planning/test_merged_steps::test_paths_in_merged_steps_are_flown_in_all_steps",
     "planning/test_no_path",
     "planning/test_power",
     "planning/test_programme",
     "planning/test_search_map",
+    "planning/test_smoothing::test_random_maps_keep_every_promise",
+    "planning/test_smoothing::test_the_same_input_gives_the_same_paths",
     "planning/test_smoothing_large",
+    "planning/test_step_programme::test_the_solved_step_is_that_of_the_plain_statement",
     "planning/test_timed_trees",
     "planning/test_uncompiled_plans",
     "report/test_command_output",
@@ -117,9 +129,13 @@ NOT_BY_DAY = [
     "simulation/test_beacons",
     "simulation/test_coherent_flights",
     "simulation/test_common_flights::test_flights_with_fixes_steer_by_them_in_linear_winds",
+    "simulation/test_error_tail::test_weighted_flights_agree_with_plain_ones",
     "simulation/test_failure_times",
     "simulation/test_fixes",
+    "simulation/test_flights::test_missions_of_visits_fail_no_more_often_than_the_papers_bound",
     "simulation/test_judging",
+    "simulation/test_replanned_errors::test_over_all_fixes_the_promises_are_right_in_the_mean",
+    "support/test_cache::test_the_cache_keeps_below_its_limit",
     "support/test_extensions",
     "support/test_extras::test_a_plan_in_python_loads_neither_hydra_nor_the_readers_of_other_files",
     "verify/test_capacity",
@@ -138,6 +154,10 @@ NOT_BY_DAY = [
     "verify/test_simplified",
     "verify/test_unscored",
     "verify/test_verify",
+    "verify/test_winds::test_the_judge_has_the_planners_clock",
+    "wind/test_air::test_messages_of_the_air_are_read_with_the_wind_at_their_level",
+    "wind/test_ensemble::test_a_folder_for_each_member_is_an_ensemble",
+    "wind/test_ensemble::test_notes_on_the_members_in_grib_files_are_kept",
     "wind/test_law_estimate",
     "wind/test_netcdf_files",
     "wind/test_live",
@@ -148,6 +168,17 @@ NOT_BY_DAY = [
     "wind/test_wind_kinds",
     "world/test_region_names",
 ]
+IN_EVERY_PART = ["test_golden", "verify/test_verify"]  # the plans of the paper, and the checker of every plan
+SECONDS = {  # of the longest modules of two processes on two cores, so that parts take equally long
+    "run/test_branches": 209, "serve/test_desk_browser": 80, "serve/test_desk_api": 87,
+    "run/test_faults": 72, "cli/test_hydra_app": 72, "run/test_whole_jobs": 52,
+    "run/test_replan_inputs": 60, "studies/test_sweeps": 60,
+    "run/test_nothing_received_acts": 61, "wind/test_sources": 59, "kernels/test_code_cache": 56,
+    "cli/test_commands": 50, "fuzz/test_fuzz": 52, "test_documented_commands": 49, "test_examples": 50,
+    "run/test_vehicles": 48, "run/test_interface": 47, "run/test_replanning": 35, "run/test_choosing": 40,
+    "verify/test_laws_of_parts": 35,
+}  # fmt: skip
+USUAL_SECONDS = 15  # of a module that is not by day
 ONLY_AT_NIGHT = [
     "planning/test_uncompiled_plans",
     "run/test_documents",
@@ -256,7 +287,27 @@ def left_out(path: Path) -> bool:
     """Whether the tests of the module ``path`` are not of this level."""
     if LEVEL == "fast" and (not _listed(path, FAST) or _listed(path, NOT_FAST)):
         return True
+    if LEVEL == "all" and _listed(path, NOT_BY_DAY) and not in_part(name_of_module(path), PART, PARTS):
+        return True
     return _listed(path, ONLY_AT_NIGHT if LEVEL == "all" else NOT_BY_DAY if BY_DAY else [])
+
+
+def in_part(module: str, part: int, parts: int) -> bool:
+    """Whether the tests of ``module`` that are not by day are in the part ``part`` of ``parts``."""
+    return parts == 1 or module in IN_EVERY_PART or parts_of(parts)[module] == part
+
+
+@cache
+def parts_of(parts: int) -> dict[str, int]:
+    """The part, from 1 on, of each module with tests not by day: the longest first, each to the shortest."""
+    here = Path(__file__).parent
+    listed = {name_of_module(path) for path in here.rglob("test_*.py") if _listed(path, NOT_BY_DAY)}
+    listed |= {name.partition("::")[0] for name in NOT_BY_DAY if "::" in name}
+    lengths, chosen = dict.fromkeys(range(1, parts + 1), 0), dict[str, int]()
+    for module in sorted(listed, key=lambda name: (-SECONDS.get(name, USUAL_SECONDS), name)):
+        chosen[module] = min(lengths, key=lambda part: lengths[part])
+        lengths[chosen[module]] += SECONDS.get(module, USUAL_SECONDS)
+    return chosen
 
 
 def of_this_level(items: Sequence[pytest.Item]) -> list[pytest.Item]:
@@ -268,7 +319,12 @@ def of_this_level(items: Sequence[pytest.Item]) -> list[pytest.Item]:
         return list(items)
     night = _left_to_night(items)
     chosen = [item for item in items if item not in night]
-    return [item for item in chosen if not _listed_test(item, NOT_BY_DAY)] if BY_DAY else chosen
+    return [
+        item
+        for item in chosen
+        if not _listed_test(item, NOT_BY_DAY)
+        or (not BY_DAY and in_part(name_of_module(item.path), PART, PARTS))
+    ]
 
 
 def fewer(cases: int, retained: int) -> set[int]:
@@ -369,10 +425,14 @@ def _listed(path: Path, names: Iterable[str]) -> bool:
     return any(module.match(name) for name in names)
 
 
+def name_of_module(path: Path) -> str:
+    """``cli/test_help``."""
+    return path.relative_to(Path(__file__).parent).with_suffix("").as_posix()
+
+
 def name_of(item: pytest.Item) -> str:
     """Of all cases of a test: ``cli/test_help::test_one``."""
-    module = item.path.relative_to(Path(__file__).parent).with_suffix("").as_posix()
-    return f"{module}::{item.name.partition('[')[0]}"
+    return f"{name_of_module(item.path)}::{item.name.partition('[')[0]}"
 
 
 def _listed_test(item: pytest.Item, names: Iterable[str]) -> bool:

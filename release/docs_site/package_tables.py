@@ -1,14 +1,12 @@
 """What an installation brings, with size, licence and purpose, of an environment with all extras.
 
 ``python release/docs_site/package_tables.py`` prints the tables; on the site they stand in
-``docs/install.md``, in place of ``<!-- packages -->``.
+``docs/install.md``, in place of ``<!-- packages -->``. The page itself states number and size.
 """
 
 from __future__ import annotations
 
-import platform
 import re
-import sys
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -107,12 +105,7 @@ def tables() -> str:
     """Our requirements, the packages that these need by licence, and what each extra adds."""
     core = needed()
     sizes = {name: megabytes(package) for name, (package, _) in core.items()}
-    system = f"Python {'.'.join(map(str, sys.version_info[:2]))} on {platform.system()} {platform.machine()}"
-    lines = [
-        f"Without extras, with {system}: {len(core)} packages, {sum(sizes.values()):.0f} MB.",
-        "",
-        "| package | licence | MB | what for |", "|---|---|---|---|",
-    ]  # fmt: skip
+    lines = ["| package | licence | MB | what for |", "|---|---|---|---|"]
     others: dict[str, list[str]] = {}
     for name, (package, _) in core.items():
         if name in PURPOSES:
@@ -136,3 +129,5 @@ def with_packages(markdown: str) -> str:
 
 if __name__ == "__main__":
     print(tables())
+    found = [megabytes(package) for package, _ in needed().values()]
+    print(f"\nWithout extras: {len(found)} packages, {sum(found):.0f} MB.")

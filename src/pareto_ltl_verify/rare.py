@@ -137,7 +137,7 @@ def failing_directions(
     """Unit vectors ω (J, D) along which flights fail, and the lengths (J,) at which they begin to.
 
     The nearest first; of nearly parallel ones only the nearest. A robot whose airspeed does not suffice
-    deviates like one that corrects less, so directions are those of such robots too.
+    deviates like one that corrects less, so such robots give directions too.
     """
     rows = []
     for robot in less_held(law.robot):

@@ -169,3 +169,12 @@ def test_a_table_of_as_many_entries_as_the_limit_is_read(monkeypatch: pytest.Mon
     assert parse_hoa(text()).accepts([{"a"}])
     monkeypatch.setattr(hoa_files, "MAX_ENTRIES", 11)
     assert "2 states x 4 letters are more than 11" in refusal(text())
+
+
+def test_the_depth_of_a_label_is_counted_anew_after_each_bracket() -> None:
+    deep = labels.MAX_LABEL_DEPTH
+    side_by_side = " & ".join(["(0)"] * (deep + 50))
+    assert hoa.parse_hoa(text(label=side_by_side)) == hoa.parse_hoa(text())
+    assert hoa.parse_hoa(text(label="!" * (deep // 2 * 2 - 2) + "0")) == hoa.parse_hoa(text())
+    for label in ("(" * (deep + 1) + "0" + ")" * (deep + 1), f"{side_by_side} & " + "!" * (deep + 2) + "0"):
+        assert f"deeper than {deep} levels" in refusal(text(label=label))

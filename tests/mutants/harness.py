@@ -41,9 +41,7 @@ def survivors(chosen: Sequence[Mutant], seconds: float) -> list[Mutant]:
     for uncompiled in (False, True):
         of_road = [one for one in chosen if one.module.startswith(UNCOMPILED) == uncompiled]
         reach = Reach.read(uncompiled)
-        cases = [
-            Case(one, files[one.module], *reach.tests(one, files[one.module], seconds)) for one in of_road
-        ]
+        cases = [reach.case(one, files[one.module], seconds) for one in of_road]
         if cases:
             _in_fork_with(uncompiled, cases, tell)
     return alive

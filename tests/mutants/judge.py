@@ -1,9 +1,8 @@
 """Mutants met by tests that were chosen for them, in forks of a process that has collected all of these.
 
-Where a function changes, the fork gives it other code (:func:`put`). What passes then may still be noticed by
-tests that begin with the mutant, as a function may have been called while modules were imported; and what is
-written in a module or a class is run at its import alone. Such mutants meet their tests in a process that
-imports the changed source (:class:`Changed`). Nothing is written to a file.
+Where a function changes, the fork gives it other code (:func:`put`). What is run while modules are imported
+has left its results by then, as all does that is written in a module or a class. Such mutants meet their
+tests in a process that imports the changed source (:class:`Changed`). Nothing is written to a file.
 
 A test that notices a mutant is run once more in the same way without one. If it fails then too, it says
 nothing, and the mutant meets the others.
@@ -46,12 +45,15 @@ FOREIGN = (
 
 
 class Case(NamedTuple):
-    """A mutant, its source file, the tests that meet it, in their order, and the time they take [s]."""
+    """A mutant, its source file, the tests that meet it, in their order, the time they take [s], and whether
+    its line is run while modules are imported.
+    """
 
     mutant: Mutant
     file: Path
     tests: tuple[str, ...]
     seconds: float
+    at_import: bool = False
 
 
 class Verdict(NamedTuple):
@@ -157,7 +159,8 @@ class InMemory:
                 limit(case),
                 self.sound,
             )
-            self.report.write(json.dumps([number, True if code not in (0, 4) else None, seconds]) + "\n")
+            undecided = code == 4 or (code == 0 and case.at_import)
+            self.report.write(json.dumps([number, None if undecided else code != 0, seconds]) + "\n")
             self.report.flush()
         return True
 

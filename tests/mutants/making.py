@@ -34,8 +34,9 @@ KINDS = {
     "assert; strict of zip": "checks of what holds in every run, for which no test can be written",
     "call of a logger; indent": "what a developer reads, the layout of a file",
     "-1 of reshape": "any negative number means the same",
-    "number of at most TINY but not 0": "protects against rounding and division by 0",
+    "number of at most TINY but not 0, its factors, and + or - of them": "protects against rounding, 1 / 0",
     "< or <= beside such a number": "equality has no meaning within a tolerance",
+    "numbers of np.empty": "memory that is filled afterwards: more of it changes nothing",
     "< or <= where both branches give the same if the sides are equal": "a limit or an extreme",
 }
 TINY = 1e-6
@@ -91,7 +92,7 @@ def _changes(tree: ast.AST) -> Iterator[tuple[ast.expr | ast.stmt, str]]:
     """Nodes and the text that stands in their place in a mutant."""
     ties = _ties(tree)
     for node in _meant(tree):
-        if isinstance(node, ast.Compare) and node in ties:
+        if node in ties:
             continue
         if isinstance(node, ast.Compare | ast.BinOp | ast.BoolOp | ast.AugAssign):
             yield from _other_operator(node)
@@ -114,11 +115,17 @@ def _changes(tree: ast.AST) -> Iterator[tuple[ast.expr | ast.stmt, str]]:
             yield node, "pass"
 
 
-def _ties(tree: ast.AST) -> set[ast.Compare]:
-    """Comparisons for which equality changes nothing: two of the kinds left out."""
-    found = set()
+def _ties(tree: ast.AST) -> set[ast.AST]:
+    """Comparisons for which equality changes nothing, and terms of a tolerance: kinds left out."""
+    found = set[ast.AST]()
     for node in ast.walk(tree):
-        if isinstance(node, ast.Compare) and isinstance(node.ops[0], STRICT):
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div) and _is_tiny(node):
+            found.update(ast.walk(node))
+        elif isinstance(node, ast.BinOp) and (_is_tiny(node.left) or _is_tiny(node.right)):
+            found.add(node)
+        elif isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "empty":
+            found.update(part for part in ast.walk(node) if isinstance(part, ast.Constant))
+        elif isinstance(node, ast.Compare) and isinstance(node.ops[0], STRICT):
             if TOLERANCES.search(ast.unparse(node)):
                 found.add(node)
         elif (
@@ -129,6 +136,13 @@ def _ties(tree: ast.AST) -> set[ast.Compare]:
         ):
             found.add(node.test)
     return found
+
+
+def _is_tiny(node: ast.expr) -> bool:
+    """Whether a term is a tolerance: a number or name of one, or a product with it."""
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div):
+        return _is_tiny(node.left) or (isinstance(node.op, ast.Mult) and _is_tiny(node.right))
+    return isinstance(node, ast.Constant | ast.Name) and bool(TOLERANCES.fullmatch(ast.unparse(node)))
 
 
 def _sides(test: ast.Compare) -> set[str]:

@@ -2,8 +2,8 @@
 
     cd tests && python -m mutants.reach [folder ...]
 
-A record is a JSON file below ``build/mutants``, which takes the time of the tests of the day to make. It is
-made again when a source, or a test of its folder, is another one.
+A record is a JSON file below ``build/mutants``, which takes the time of these tests to make. It is made again
+when a source, or a test of its folder, is another one. ``PARETO_LTL_TESTS`` says which tests (``levels.py``).
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from typing import Any
 import coverage
 import pytest
 
+from mutants.judge import Case
 from mutants.making import Mutant
 from mutants.table import FOLDERS, SOURCE, UNCOMPILED_FOLDERS
 
@@ -62,16 +63,20 @@ class Recorder:
         names = [name for name in self.seconds if name not in self.failed]
         number = {name: k for k, name in enumerate(names)}
         lines: dict[str, dict[int, list[int]]] = {}
+        imported: dict[str, list[int]] = {}
         for file in data.measured_files():
             of_file = {
                 line: sorted(number[name] for name in tests if name in number)
                 for line, tests in data.contexts_by_lineno(file).items()
             }
-            lines[str(Path(file).relative_to(ROOT / "src"))] = {k: v for k, v in of_file.items() if v}
+            lines[str(Path(file).relative_to(SOURCE))] = {k: v for k, v in of_file.items() if v}
+            at_import = [k for k, tests in data.contexts_by_lineno(file).items() if "" in tests]
+            imported[str(Path(file).relative_to(SOURCE))] = sorted(at_import)
         self.record.parent.mkdir(parents=True, exist_ok=True)
         tests = [[name, round(self.seconds[name], 3)] for name in names]
         self.record.write_text(
-            json.dumps({"of": self.made_of, "tests": tests, "lines": lines}), encoding="utf-8"
+            json.dumps({"of": self.made_of, "tests": tests, "lines": lines, "imported": imported}),
+            encoding="utf-8",
         )
 
 
@@ -104,7 +109,6 @@ def _is_new(folder: str, uncompiled: bool) -> bool:
 def _record(folder: str, uncompiled: bool) -> None:
     if (child := os.fork()) == 0:
         os.chdir(ROOT)
-        os.environ["PARETO_LTL_TESTS"] = "day"
         if uncompiled:
             os.environ["NUMBA_DISABLE_JIT"] = "1"
         words = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", f"tests/{folder}"]
@@ -119,6 +123,7 @@ class Reach:
     def __init__(self) -> None:
         self.seconds = dict[str, float]()
         self.lines = dict[str, dict[int, list[str]]]()
+        self.imported = dict[str, set[int]]()  # lines that are run outside a test, as by an import
 
     @classmethod
     def read(cls, uncompiled: bool) -> Reach:
@@ -130,6 +135,8 @@ class Reach:
             record = json.loads(file.read_text(encoding="utf-8"))
             names = [name for name, _ in record["tests"]]
             self.seconds.update(record["tests"])
+            for path, run in record.get("imported", {}).items():
+                self.imported.setdefault(path, set()).update(run)
             for path, lines in record["lines"].items():
                 of_file = self.lines.setdefault(path, {})
                 for line, tests in lines.items():
@@ -154,6 +161,12 @@ class Reach:
             if found:
                 return self._cheapest(found, mutant.module.rpartition(".")[2], seconds)
         return (), 0.0
+
+    def case(self, mutant: Mutant, file: Path, seconds: float) -> Case:
+        """A mutant and the tests that meet it."""
+        lines = self.imported.get(str(file.relative_to(SOURCE)), set())
+        at_import = not lines.isdisjoint(range(mutant.line, mutant.end + 1))
+        return Case(mutant, file, *self.tests(mutant, file, seconds), at_import)
 
     def _naming(self, word: str) -> set[str]:
         """The tests that run a line with this word, of any module."""

@@ -7,7 +7,10 @@ from pathlib import Path
 SOURCE = Path(__file__).parents[2] / "src"
 PACKAGES = ("pareto_ltl", "pareto_ltl_apps/formats")  # what plans depend on
 UNCOMPILED = ("pareto_ltl.kernels",)  # judged by tests that run without compilation
-FOLDERS = ("logic", "planning", "run", "settings", "simulation", "support", "wind", "world")  # of tests
+FOLDERS = (  # of tests, which run compiled kernels
+    "logic", "planning", "run", "settings", "simulation", "support", "wind", "world", "kernels", "exports",
+    "inflight", "preflight", "report", "studies", "verify",
+)  # fmt: skip
 UNCOMPILED_FOLDERS = ("kernels",)
 
 

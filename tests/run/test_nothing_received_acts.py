@@ -546,7 +546,7 @@ def test_show_opens_the_page_that_it_wrote_and_none_of_another_person(
 
 # --- the page of claims --------------------------------------------------------------------------
 
-CLAIM = re.compile(r"<!-- test: (?P<file>[\w/]+\.py)::(?P<name>\w+) -->")
+CLAIM = re.compile(r"<!--test:(?P<file>[\w/]+\.py)::(?P<name>\w+)-->")
 
 
 def test_each_claim_of_the_security_page_names_its_tests() -> None:

@@ -96,7 +96,7 @@ class Declaration:
     remark : str
         What the limits mean; printed in brackets after them.
     kinds : callable or None
-        Returns the names in a table of kinds, which is read when they are needed first.
+        Returns further built-in choices, when they are needed first: the names in a table of kinds.
     group : str
         Group of entry points whose names are allowed in addition to ``choices`` (``support.extensions``).
     words : tuple of str

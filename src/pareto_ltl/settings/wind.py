@@ -79,7 +79,7 @@ def wind_formats() -> WindFormats:
 
 
 def wind_sources() -> Mapping[str, WindSource]:
-    """The values of ``wind.source`` that this package has."""
+    """The values of ``wind.source``, without the sources of other packages."""
     return wind_formats().sources
 
 

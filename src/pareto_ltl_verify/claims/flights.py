@@ -131,7 +131,7 @@ def promised_rate(result: Evidence) -> Verdict | None:
     The rarer the promised failures, the more flights: 20,000 do not contradict a rate of 8e-4 told as 1e-6.
     They come in batches, and end with the first that contradicts the promise; of all looks together at most
     :data:`RARE` of honest promises are contradicted. A promise that was made by weighted flights is also
-    compared with new weighted ones, which contradict a rate that is told too low however rare it is.
+    compared with new weighted ones, which contradict a rate that is stated too low however rare it is.
     """
     stated = result.plan["promise"]
     if not stated or stated["law"] not in result.new_flights:
