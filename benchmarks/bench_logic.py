@@ -9,7 +9,8 @@ import tracemalloc
 
 import pytest
 
-from pareto_ltl.logic import hoa, patterns, translate
+from pareto_ltl.logic import patterns, translate
+from pareto_ltl.logic.hoa import hoa_text
 
 
 def disjoint(names: list[str]) -> list[frozenset[str]]:
@@ -69,4 +70,4 @@ def test_coverage_with_its_preorder(benchmark, goals):
 def test_hoa_of_ten_fold_coverage(benchmark):
     names = [f"p{i}" for i in range(10)]
     automaton = translate(patterns.coverage(*names), disjoint(names))
-    assert len(benchmark.pedantic(hoa.hoa_text, (automaton,), rounds=3)) > 1000
+    assert len(benchmark.pedantic(hoa_text, (automaton,), rounds=3)) > 1000

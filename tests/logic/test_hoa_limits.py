@@ -172,9 +172,9 @@ def test_a_table_of_as_many_entries_as_the_limit_is_read(monkeypatch: pytest.Mon
 
 
 def test_the_depth_of_a_label_is_counted_anew_after_each_bracket() -> None:
-    deep = labels.MAX_LABEL_DEPTH
+    deep = hoa_labels.MAX_LABEL_DEPTH
     side_by_side = " & ".join(["(0)"] * (deep + 50))
-    assert hoa.parse_hoa(text(label=side_by_side)) == hoa.parse_hoa(text())
-    assert hoa.parse_hoa(text(label="!" * (deep // 2 * 2 - 2) + "0")) == hoa.parse_hoa(text())
+    assert parse_hoa(text(label=side_by_side)) == parse_hoa(text())
+    assert parse_hoa(text(label="!" * (deep // 2 * 2 - 2) + "0")) == parse_hoa(text())
     for label in ("(" * (deep + 1) + "0" + ")" * (deep + 1), f"{side_by_side} & " + "!" * (deep + 2) + "0"):
         assert f"deeper than {deep} levels" in refusal(text(label=label))
