@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import signal
@@ -15,7 +16,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from levels import AT_NIGHT, SAMPLE, SAMPLE_SECONDS, left_out, of_this_level
+from levels import AT_NIGHT, BY_DAY, SAMPLE, SAMPLE_SECONDS, left_out, of_this_level
 
 # Tests start hundreds of processes, which would else compile the same modules again and again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -27,7 +28,8 @@ for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SI
 
 BEGAN = time.monotonic()
 MODULES = 20  # of the longest ones that are shown
-examples = 100 if AT_NIGHT else 25
+UNCOMPILED = bool(os.environ.get("NUMBA_DISABLE_JIT"))  # which `.ci/run` tries by day alone
+examples = 100 if AT_NIGHT else 10 if BY_DAY and not UNCOMPILED else 25
 settings.register_profile("house", deadline=None, derandomize=True, database=None, max_examples=examples)
 settings.load_profile("house")
 
@@ -38,10 +40,17 @@ def pytest_ignore_collect(collection_path: Path) -> bool | None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out the tests of other levels, and what ``make test`` has just run."""
+    """Leave out the tests of other levels."""
     chosen = of_this_level(items)
-    config.hook.pytest_deselected(items=[item for item in items if item not in set(chosen)])
+    among = set(chosen)
+    config.hook.pytest_deselected(items=[item for item in items if item not in among])
     items[:] = chosen
+
+
+def pytest_collection_finish() -> None:
+    """Thousands of tests and modules stay to the end: the search for garbage passes them over."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -1,9 +1,10 @@
 """Which tests run while one writes (``make test-fast``), by day (``make test``), before a change is taken in
 (``make test-all``) and at night.
 
-``PARETO_LTL_TESTS`` is ``fast``, ``day``, ``all`` (the default) or ``night``. With ``PARETO_LTL_DONE=day``,
-all are without the tests that ``make test`` has just run in the same way. With ``PARETO_LTL_SAMPLE=SEED``,
-the night is a tenth of what only the night runs, drawn with that seed (``make test-sample``).
+``PARETO_LTL_TESTS`` is ``fast``, ``day``, ``all`` (the default) or ``night``. Each has the tests of those
+before it. With ``PARETO_LTL_SAMPLE=SEED``, the night is a tenth of what only the night runs, drawn with that
+seed (``make test-sample``). With ``PARETO_LTL_PART=2/3``, all are the tests of the day, and the second of
+three parts of the others, which take equally long.
 """
 
 from __future__ import annotations
@@ -23,15 +24,18 @@ LEVEL = os.environ.get("PARETO_LTL_TESTS", "all")
 if LEVEL not in ("fast", "day", "all", "night"):
     raise ValueError(f"PARETO_LTL_TESTS must be fast, day, all or night, got {LEVEL!r}")
 BY_DAY = LEVEL in ("fast", "day")
-DONE_BY_DAY = LEVEL == "all" and os.environ.get("PARETO_LTL_DONE") == "day"  # ``make test`` has just run
 AT_NIGHT = LEVEL == "night"
+PART, PARTS = (int(number) for number in os.environ.get("PARETO_LTL_PART", "1/1").split("/"))
+if not 1 <= PART <= PARTS:
+    raise ValueError(f"PARETO_LTL_PART must be like 2/3, got {PART}/{PARTS}")
 SAMPLE = os.environ.get("PARETO_LTL_SAMPLE", "") if AT_NIGHT else ""  # its seed
 SAMPLE_SHARE, SAMPLE_SECONDS = 0.1, 60.0  # of the tests of the night alone; no test begins later
 Case = TypeVar("Case")
 
-# Modules of the fast level, and those among them that run kernels or start processes.
+# Modules of the fast level, and those among them that run kernels, start processes or compose for long.
 FAST = ["logic/*", "settings/*", "support/*", "world/*"]
 NOT_FAST = [
+    "settings/test_building",
     "support/test_cache",
     "support/test_extras",
     "support/test_netcdf4",
@@ -45,6 +49,7 @@ NOT_BY_DAY = [
     "test_published::test_the_published_plans_have_the_ranks_that_the_page_states",
     "test_benchmarks",
     "test_corpus",
+    "test_docs::test_the_search_works_in_a_site_that_is_opened_as_files",
     "test_documented_commands",
     "test_environment",
     "test_packages",
@@ -71,15 +76,22 @@ NOT_BY_DAY = [
     "inflight/test_link",
     "inflight/test_mavsdk",
     "inflight/test_session",
+    "inflight/test_watch::test_no_stream_stops_a_watch",
     "planning/test_choices",
     "preflight/test_check",
     "preflight/test_contain_command",
     "planning/test_front_sweep",
+    "planning/test_landmarks::test_what_a_landmark_gives_is_continuous_in_its_distance",
+    "planning/test_margin_model::test_edges_that_are_left_out_change_no_margin_of_acceptance",
+    "planning/test_merged_steps::test_paths_in_merged_steps_are_flown_in_all_steps",
     "planning/test_no_path",
     "planning/test_power",
     "planning/test_programme",
     "planning/test_search_map",
+    "planning/test_smoothing::test_random_maps_keep_every_promise",
+    "planning/test_smoothing::test_the_same_input_gives_the_same_paths",
     "planning/test_smoothing_large",
+    "planning/test_step_programme::test_the_solved_step_is_that_of_the_plain_statement",
     "planning/test_timed_trees",
     "planning/test_uncompiled_plans",
     "report/test_command_output",
@@ -91,6 +103,7 @@ NOT_BY_DAY = [
     "report/test_texts",
     "run/test_branches",
     "run/test_choosing",
+    "run/test_compile_time::test_ctrl_c_while_it_compiles_leaves_no_process_and_no_broken_code",
     "run/test_directory",
     "run/test_documents",
     "run/test_exporting",
@@ -100,6 +113,7 @@ NOT_BY_DAY = [
     "run/test_nothing_received_acts",
     "run/test_nth_call",
     "run/test_objects_compose",
+    "run/test_pipeline::test_where_refinement_finds_nothing_that_can_be_flown_the_paths_of_the_trees_stay",
     "run/test_received_results",
     "run/test_replan_inputs",
     "run/test_replanning",
@@ -114,10 +128,16 @@ NOT_BY_DAY = [
     "settings/test_odd_values",
     "simulation/test_beacons",
     "simulation/test_coherent_flights",
+    "simulation/test_common_flights::test_flights_with_fixes_steer_by_them_in_linear_winds",
+    "simulation/test_error_tail::test_weighted_flights_agree_with_plain_ones",
     "simulation/test_failure_times",
     "simulation/test_fixes",
+    "simulation/test_flights::test_missions_of_visits_fail_no_more_often_than_the_papers_bound",
     "simulation/test_judging",
+    "simulation/test_replanned_errors::test_over_all_fixes_the_promises_are_right_in_the_mean",
+    "support/test_cache::test_the_cache_keeps_below_its_limit",
     "support/test_extensions",
+    "support/test_extras::test_a_plan_in_python_loads_neither_hydra_nor_the_readers_of_other_files",
     "verify/test_capacity",
     "verify/test_further_costs",
     "verify/test_far_barriers",
@@ -125,12 +145,19 @@ NOT_BY_DAY = [
     "verify/test_forbidden",
     "verify/test_generated_lies",
     "verify/test_air",
+    "verify/test_laws_of_parts",
+    "verify/test_rare_promises::test_further_flights_fail_as_often_as_the_first_ones",
+    "verify/test_readings",
     "verify/test_exact_replans",
     "verify/test_robot_errors",
     "verify/test_replanned_errors",
     "verify/test_simplified",
     "verify/test_unscored",
     "verify/test_verify",
+    "verify/test_winds::test_the_judge_has_the_planners_clock",
+    "wind/test_air::test_messages_of_the_air_are_read_with_the_wind_at_their_level",
+    "wind/test_ensemble::test_a_folder_for_each_member_is_an_ensemble",
+    "wind/test_ensemble::test_notes_on_the_members_in_grib_files_are_kept",
     "wind/test_law_estimate",
     "wind/test_netcdf_files",
     "wind/test_live",
@@ -139,7 +166,19 @@ NOT_BY_DAY = [
     "wind/test_sources",
     "wind/test_wind_document",
     "wind/test_wind_kinds",
+    "world/test_region_names",
 ]
+IN_EVERY_PART = ["test_golden", "verify/test_verify"]  # the plans of the paper, and the checker of every plan
+SECONDS = {  # of the longest modules of two processes on two cores, so that parts take equally long
+    "run/test_branches": 209, "serve/test_desk_browser": 80, "serve/test_desk_api": 87,
+    "run/test_faults": 72, "cli/test_hydra_app": 72, "run/test_whole_jobs": 52,
+    "run/test_replan_inputs": 60, "studies/test_sweeps": 60,
+    "run/test_nothing_received_acts": 61, "wind/test_sources": 59, "kernels/test_code_cache": 56,
+    "cli/test_commands": 50, "fuzz/test_fuzz": 52, "test_documented_commands": 49, "test_examples": 50,
+    "run/test_vehicles": 48, "run/test_interface": 47, "run/test_replanning": 35, "run/test_choosing": 40,
+    "verify/test_laws_of_parts": 35,
+}  # fmt: skip
+USUAL_SECONDS = 15  # of a module that is not by day
 ONLY_AT_NIGHT = [
     "planning/test_uncompiled_plans",
     "run/test_documents",
@@ -213,6 +252,34 @@ FEWER: dict[str, tuple[int, str]] = {
     "studies/test_sweeps::test_a_launcher_killed_in_the_middle_and_started_again_gives_the_same_summary": (
         0, "22 s: run/test_faults kills a sweep at a random moment, and continues it",
     ),
+    "studies/test_sweeps::test_submitit_waits_for_all_jobs_when_one_is_killed_and_runs_that_one_again": (
+        0, "21 s: the queue treats what any launcher raises alike, and is tested with killed jobs there",
+    ),
+    "studies/test_sweeps::test_half_the_jobs_killed_once_are_run_again_by_the_same_command": (
+        0, "a job that kills its process every time is killed once, and run again, before it is given up",
+    ),
+    "studies/test_replan_test::test_a_mission_is_flown_once_in_each_way_in_the_same_wind": (
+        1, "a turning wind: 16 s each; a calm is one of the winds of studies/test_replanning",
+    ),
+    "test_examples::test_an_example_runs_and_says_something": (
+        3, "10 s each; two more run for what they say, and the others call what run/test_interface,"
+        " run/test_choosing, studies/test_studies and inflight/test_link test",
+    ),
+    "serve/test_desk_browser::test_points_are_compared_with_flights_beacons_winds_and_starts": (
+        0, "28 s: the answers are tested in serve/test_desk_api, and another test there compares a point",
+    ),
+    "run/test_whole_jobs::test_speed_and_direction_of_the_nbm_are_flown": (
+        0, "wind/test_live_models reads these files, and winds of other files are flown there",
+    ),
+    "run/test_whole_jobs::test_the_current_of_rtofs_is_sailed": (
+        0, "wind/test_live_models reads these files, and the current of HYCOM is sailed there",
+    ),
+    "serve/test_desk_browser::test_random_clicks_leave_no_error": (
+        2, "10 s each: wide without a plan, and narrow with one; the night has a hundred",
+    ),
+    "cli/test_commands::test_the_flag_of_a_sweep_may_stand_anywhere": (
+        3, "six orders of the same three words, half a second of composition each",
+    ),
 }  # fmt: skip
 
 
@@ -220,7 +287,27 @@ def left_out(path: Path) -> bool:
     """Whether the tests of the module ``path`` are not of this level."""
     if LEVEL == "fast" and (not _listed(path, FAST) or _listed(path, NOT_FAST)):
         return True
+    if LEVEL == "all" and _listed(path, NOT_BY_DAY) and not in_part(name_of_module(path), PART, PARTS):
+        return True
     return _listed(path, ONLY_AT_NIGHT if LEVEL == "all" else NOT_BY_DAY if BY_DAY else [])
+
+
+def in_part(module: str, part: int, parts: int) -> bool:
+    """Whether the tests of ``module`` that are not by day are in the part ``part`` of ``parts``."""
+    return parts == 1 or module in IN_EVERY_PART or parts_of(parts)[module] == part
+
+
+@cache
+def parts_of(parts: int) -> dict[str, int]:
+    """The part, from 1 on, of each module with tests not by day: the longest first, each to the shortest."""
+    here = Path(__file__).parent
+    listed = {name_of_module(path) for path in here.rglob("test_*.py") if _listed(path, NOT_BY_DAY)}
+    listed |= {name.partition("::")[0] for name in NOT_BY_DAY if "::" in name}
+    lengths, chosen = dict.fromkeys(range(1, parts + 1), 0), dict[str, int]()
+    for module in sorted(listed, key=lambda name: (-SECONDS.get(name, USUAL_SECONDS), name)):
+        chosen[module] = min(lengths, key=lambda part: lengths[part])
+        lengths[chosen[module]] += SECONDS.get(module, USUAL_SECONDS)
+    return chosen
 
 
 def of_this_level(items: Sequence[pytest.Item]) -> list[pytest.Item]:
@@ -232,9 +319,12 @@ def of_this_level(items: Sequence[pytest.Item]) -> list[pytest.Item]:
         return list(items)
     night = _left_to_night(items)
     chosen = [item for item in items if item not in night]
-    if BY_DAY:
-        return [item for item in chosen if not _listed_test(item, NOT_BY_DAY)]
-    return [item for item in chosen if not (DONE_BY_DAY and same_by_day(item))]
+    return [
+        item
+        for item in chosen
+        if not _listed_test(item, NOT_BY_DAY)
+        or (not BY_DAY and in_part(name_of_module(item.path), PART, PARTS))
+    ]
 
 
 def fewer(cases: int, retained: int) -> set[int]:
@@ -286,13 +376,6 @@ def drawn(items: Sequence[pytest.Item], seed: str) -> list[pytest.Item]:
     return [item for path in order for item in modules[path]]
 
 
-def same_by_day(item: pytest.Item) -> bool:
-    """Whether a test is the same by day: something of its module by level would make it another one."""
-    if _listed(item.path, NOT_BY_DAY) or _listed_test(item, NOT_BY_DAY):
-        return False
-    return not _depends_on_level(item, "BY_DAY")
-
-
 def _depends_on_level(item: pytest.Item, *levels: str) -> bool:
     name = getattr(getattr(item, "obj", None), "__qualname__", "").partition(".")[
         0
@@ -342,10 +425,14 @@ def _listed(path: Path, names: Iterable[str]) -> bool:
     return any(module.match(name) for name in names)
 
 
+def name_of_module(path: Path) -> str:
+    """``cli/test_help``."""
+    return path.relative_to(Path(__file__).parent).with_suffix("").as_posix()
+
+
 def name_of(item: pytest.Item) -> str:
     """Of all cases of a test: ``cli/test_help::test_one``."""
-    module = item.path.relative_to(Path(__file__).parent).with_suffix("").as_posix()
-    return f"{module}::{item.name.partition('[')[0]}"
+    return f"{name_of_module(item.path)}::{item.name.partition('[')[0]}"
 
 
 def _listed_test(item: pytest.Item, names: Iterable[str]) -> bool:

@@ -1,8 +1,9 @@
-"""What ``make test`` has run in the same way is not run again; what only the night runs has a reason."""
+"""Each level has the tests of those before it; what only the night runs has a reason."""
 
 from __future__ import annotations
 
 import ast
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import levels
-from levels import FEWER, NOT_BY_DAY, drawn, fewer, names_by_level, of_this_level, same_by_day
+from levels import (
+    FEWER,
+    IN_EVERY_PART,
+    NOT_BY_DAY,
+    SECONDS,
+    USUAL_SECONDS,
+    drawn,
+    fewer,
+    in_part,
+    names_by_level,
+    of_this_level,
+    parts_of,
+)  # fmt: skip
 
 HERE = Path(__file__)
 MODULE = """
@@ -51,15 +64,13 @@ def test_what_all_tests_of_a_module_use_makes_all_of_them_depend(more: str) -> N
     assert "test_alike" in names_by_level(MODULE + more, "BY_DAY")
 
 
-def test_a_test_with_examples_of_the_level_is_the_same_by_day_and_another_one_at_night() -> None:
+def test_a_test_with_examples_of_the_level_is_another_one_at_night() -> None:
     def plain() -> None: ...
 
     usual = given(st.none())(lambda _: None)
     own = settings(max_examples=7)(given(st.none())(lambda _: None))
     items = [item(HERE, test) for test in (plain, usual, own)]
-    assert all(same_by_day(one) for one in items)
     assert levels.night_alone(items) == {items[1]}
-    assert not same_by_day(item(HERE.parent / "test_golden.py", plain))
 
 
 @dataclass(eq=False)
@@ -84,7 +95,7 @@ def level(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Sets a level."""
 
     def change(**values: Any) -> None:
-        usual = {"BY_DAY": False, "AT_NIGHT": False, "DONE_BY_DAY": False, "SAMPLE": ""}
+        usual = {"BY_DAY": False, "AT_NIGHT": False, "SAMPLE": "", "PART": 1, "PARTS": 1}
         for name, value in (usual | values).items():
             monkeypatch.setattr(levels, name, value)
 
@@ -100,10 +111,9 @@ def test_the_cases_that_stay_are_as_many_as_stated_from_first_to_last(count: int
         assert {0, count - 1} <= chosen
 
 
-def test_by_day_and_all_that_are_not_by_day_are_together_all(
+def test_all_tests_have_those_of_the_day_and_the_night_has_every_test(
     level: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whatever is left out by day, each case runs in one of the two, or is of the night."""
     monkeypatch.setitem(FEWER, "test_levels::test_few", (3, "for this test"))
     monkeypatch.setattr(levels, "NOT_BY_DAY", [*NOT_BY_DAY, "test_levels::test_slow"])
     golden = HERE.parent / "test_golden.py"
@@ -120,13 +130,53 @@ def test_by_day_and_all_that_are_not_by_day_are_together_all(
     ]
     level(BY_DAY=True)
     by_day = of_this_level([one for one in items if one.path == HERE])  # others are not even read
-    level(DONE_BY_DAY=True)
-    rest = of_this_level(items)
-    assert [id(one) for one in every] == sorted(
-        map(id, [*by_day, *rest]), key=[id(one) for one in every].index
-    )
+    assert by_day == [one for one in every if one.path == HERE and one.name != "test_slow"]
     level(AT_NIGHT=True)
     assert of_this_level(items) == items
+
+
+def test_a_part_has_the_tests_of_the_day_and_each_other_test_is_in_one(
+    level: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(levels, "NOT_BY_DAY", [*NOT_BY_DAY, "test_levels::test_slow"])
+    parts_of.cache_clear()
+    slow, usual = item(HERE, name="test_slow"), item(HERE)
+    runs = []
+    for part in (1, 2, 3):
+        level(PART=part, PARTS=3)
+        runs.append(of_this_level([slow, usual]))
+        assert not levels.left_out(HERE.parent / "test_golden.py")
+    assert [usual in run for run in runs] == [True] * 3
+    assert sum(slow in run for run in runs) == 1
+    sources = sorted(HERE.parent.rglob("test_*.py"))
+    read = [source for source in sources if not levels.left_out(source)]
+    assert len(read) < len(sources)
+    parts_of.cache_clear()
+
+
+@pytest.mark.parametrize("parts", [1, 2, 3])
+def test_parts_take_equally_long(parts: int) -> None:
+    assert SECONDS.keys() <= parts_of(parts).keys()
+    lengths = [
+        sum(
+            SECONDS.get(module, USUAL_SECONDS)
+            for module, of_module in parts_of(parts).items()
+            if of_module == part and module not in IN_EVERY_PART
+        )
+        for part in range(1, parts + 1)
+    ]
+    assert max(lengths) - min(lengths) < 0.1 * max(lengths)
+    assert all(in_part(module, part, parts) for module in IN_EVERY_PART for part in range(1, parts + 1))
+
+
+def test_the_jobs_of_the_workflow_have_all_parts() -> None:
+    """Each change is tested by all parts, of which each has another Python; a release by all in one."""
+    workflows = HERE.parents[1] / ".github" / "workflows"
+    text = (workflows / "ci.yml").read_text(encoding="utf-8")
+    assert re.findall(r'python: "3\.(\d+)", part: "(\d/\d)"', text) == [
+        ("11", "1/3"), ("12", "2/3"), ("13", "3/3"),
+    ]  # fmt: skip
+    assert "CI_PART: 1/1" in (workflows / "release.yml").read_text(encoding="utf-8")
 
 
 def test_a_sample_is_a_tenth_of_what_only_the_night_runs_by_its_seed(

@@ -33,7 +33,6 @@ from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl_apps.cli.output import output_of
 from pareto_ltl_apps.cli.setting_keys import settings_from
 from pareto_ltl_apps.exports.kinds import FORMATS
-from quick_wind import wind_words
 from unmeasured import untraced
 
 SECTIONS = ("scene", "mission", "robot", "wind", "planner", "fidelity", "selection", "deployment", "report")
@@ -516,11 +515,11 @@ SMALL = (
     "planner.trees=2",
     "planner.n_max=800",
     "deployment.runs=50",
-    "refine.flights=200",
-    "refine.sweep_flights=60",
-    "refine.points=6",
+    "refine.flights=60",
+    "refine.sweep_flights=20",
+    "refine.classes=1",
+    "refine.points=5",
     "selection.draws=200",
-    *wind_words(),
     "selection.runs=200",
     "report=none",
 )

@@ -24,16 +24,15 @@ from problems import box, make_scene
 SMALL = {
     "planner": {"trees": 4, "n_max": 1500},
     "smoothing": {"candidates": 1, "weights": [10.0]},
-    "refine": {"flights": 200, "sweep_flights": 60, "points": 6},
+    "refine": {"flights": 60, "sweep_flights": 20, "classes": 1, "points": 5},
     "selection": {"draws": 100, "runs": 100},
     "deployment": {"runs": 40},
     "report": "none",
 }
 ARGUMENTS = (
     "planner.trees=4", "planner.n_max=1500", "smoothing.candidates=1", "smoothing.weights=[10.0]",
-    "refine.flights=200", "refine.sweep_flights=60", "refine.points=6", "selection.draws=100",
-    "selection.runs=100",
-    "deployment.runs=40", "report=none",
+    "refine.flights=60", "refine.sweep_flights=20", "refine.classes=1", "refine.points=5",
+    "selection.draws=100", "selection.runs=100", "deployment.runs=40", "report=none",
 )  # fmt: skip
 PHI1 = "F(a & F b & F c)"
 

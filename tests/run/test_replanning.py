@@ -18,14 +18,13 @@ from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.cli.result_commands import default_place
 from pareto_ltl_apps.flight.replanning import comparison_lines
 from pareto_ltl_verify.judge import verify
-from quick_wind import QUICK_WIND
 
 SMALL: dict[str, Any] = {
     "robot": {"dt": 1800.0},
     "planner": {"trees": 3, "n_max": 1500, "max_steps": 80},
     "smoothing": {"candidates": 1, "weights": [10.0]},
+    "refine": {"flights": 60, "sweep_flights": 20, "classes": 1, "points": 5},
     "selection": {"draws": 300, "runs": 800},
-    "wind": QUICK_WIND,
     "deployment": {"runs": 40},
     "report": "none",
 }

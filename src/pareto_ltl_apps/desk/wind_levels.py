@@ -16,7 +16,7 @@ from pareto_ltl.support.levels import ALIKE, Level, parse_level
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.times import seconds
 from pareto_ltl_apps.desk.folder import DeskFolder
-from pareto_ltl_apps.formats.wind_sources import READERS, levels_in_files
+from pareto_ltl_apps.formats.wind_sources import SOURCES, levels_in_files
 from pareto_ltl_apps.view.page.ground import rounded
 
 MOST_LEVELS = 12  # that are read and shown, those nearest to the flight
@@ -59,7 +59,7 @@ def wind_levels(
     nearest = min(kept, key=lambda level: _apart(level, flown))
     rows = []
     for level in kept:
-        readings = READERS[own.source][0](replace(own, level=level.text), wanted)
+        readings = SOURCES[own.source].read(replace(own, level=level.text), wanted)
         uv = winds_at(readings, scene.frame, places, np.array(shown["t"], float))
         rows.append({
             "level": level.text,
