@@ -286,6 +286,7 @@ def test_the_wind_at_the_pointer_is_drawn_against_height_and_time(
         page.locator("#settings").fill(" ".join(["robot.level=925hPa", *wind_words()]))
         page.locator("#settings").press("Tab")
         page.locator("#show-wind").click()
+        expect(page.locator("#profile-part")).to_be_visible()
         page.locator("#profile-part summary").press("Enter")  # with the keyboard
         expect(page.locator(dots)).to_have_count(3)
         expect(page.locator("#profile-times .curve")).to_have_count(1)
