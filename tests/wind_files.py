@@ -353,6 +353,40 @@ def _wrfout(place: Path) -> Path:
     return _saved(place, arrays, {}, "wrfout_d01", SIMULATION_START_DATE="2018-10-09_12:00:00", **keys)
 
 
+# --- levels ------------------------------------------------------------------------------------
+
+LEVELS = (1000.0, 925.0, 850.0)  # [hPa]
+
+
+def stronger(level: float) -> float:
+    """How much stronger the wind is at a level [hPa] than at 1000 hPa."""
+    return 1.0 + (1000.0 - level) / 100.0
+
+
+def level_file(place: Path, levels: tuple[float, ...] = LEVELS) -> Path:
+    """A NetCDF file of the wind at pressure ``levels`` [hPa], times :func:`stronger`."""
+    import xarray as xr
+
+    field = _on_grid()
+    scale = np.array([stronger(level) for level in levels])[None, :, None, None]
+    dims = ("time", "level", "lat", "lon")
+    units = {"units": "m s-1"}
+    data = xr.Dataset(
+        {
+            "u": (dims, field[..., 0][:, None] * scale, units | {"standard_name": "eastward_wind"}),
+            "v": (dims, field[..., 1][:, None] * scale, units | {"standard_name": "northward_wind"}),
+        },
+        coords={
+            "time": ("time", HOURS, {"units": "hours since 2018-10-09 18:00:00", "standard_name": "time"}),
+            "level": ("level", list(levels), {"units": "hPa", "standard_name": "air_pressure"}),
+            "lat": ("lat", LAT, {"units": "degrees_north"}),
+            "lon": ("lon", LON, {"units": "degrees_east"}),
+        },
+    )
+    data.to_netcdf(place, engine="h5netcdf")
+    return place
+
+
 # --- GRIB --------------------------------------------------------------------------------------
 
 REGULAR = {

@@ -22,6 +22,7 @@ from desk import HOP, RunningDesk, running_desk
 from geotiffs import WGS84, geotiff
 from levels import AT_NIGHT
 from quick_wind import wind_words
+from wind_files import level_file, stronger
 
 CLICK_ONE = """([dice, left_out]) => {
   const found = [...document.querySelectorAll("button, .point, input[type=checkbox], summary")].filter(
@@ -268,6 +269,60 @@ def test_points_are_compared_with_flights_beacons_winds_and_starts(
         opened.wait("document.querySelectorAll('.start-column').length === 2")
         page.locator(".start-column").nth(1).click()
         expect(page.locator("#departure")).to_have_value("2018-10-09 13:00")
+
+
+def test_the_wind_at_the_pointer_is_drawn_against_height_and_time(
+    browser: Browser, desk: RunningDesk, tmp_path: Path
+) -> None:
+    said, dots = "document.getElementById('profile-said').textContent", "#profile-heights .dot"
+    with opened_desk(browser, desk.address, WIDE, "light") as opened:
+        page = opened.page
+        begin_anew(opened)
+        expect(page.locator("#profile-part")).to_be_hidden()
+        draw_mission(opened)
+        page.locator("#wind-file").set_input_files(level_file(tmp_path / "levels.nc"))
+        expect(page.locator("#wind-note")).to_contain_text("levels.nc")
+        page.locator("details:has(#settings) summary").click()
+        page.locator("#settings").fill(" ".join(["robot.level=925hPa", *wind_words()]))
+        page.locator("#settings").press("Tab")
+        page.locator("#show-wind").click()
+        expect(page.locator("#profile-part")).to_be_visible()
+        page.locator("#profile-part summary").press("Enter")  # with the keyboard
+        expect(page.locator(dots)).to_have_count(3)
+        expect(page.locator("#profile-times .curve")).to_have_count(1)
+        expect(page.locator("#profile-heights text.flown").first).to_have_text("925 hPa")
+        told = opened.value(said)
+        knots = float(re.search(r"925hPa: ([0-9.]+) kt from", told)[1])
+        page.mouse.move(*opened.at(0.3, 0.4))
+        opened.wait(f"{said} !== {json.dumps(told)}")
+        there = opened.value(said)
+        page.locator("#map").focus()
+        for _ in range(3):
+            page.keyboard.press("ArrowDown")  # the place is the middle of the map
+        opened.wait(f"{said} !== {json.dumps(there)}")
+        for _ in range(3):
+            page.keyboard.press("ArrowUp")
+        opened.becomes(said, told)
+        page.locator("#profile-unit").select_option("m/s")
+        opened.wait(f"{said}.includes('m/s from')")
+        metres = float(re.search(r"925hPa: ([0-9.]+) m/s from", opened.value(said))[1])
+        assert metres == pytest.approx(knots * 1852 / 3600, abs=0.11)
+        heights = page.locator("#profile-heights").get_attribute("aria-label")
+        read = float(re.search(r"925hPa, of the plan: ([0-9.]+) m/s", heights)[1])
+        assert read == pytest.approx(metres, abs=0.5)  # the fit is near to what the file has there
+        lowest = float(re.search(r"1000hPa: ([0-9.]+) m/s", heights)[1])
+        assert read == pytest.approx(stronger(925.0) * lowest, rel=0.02)
+
+
+def test_a_wind_of_one_level_says_so(browser: Browser, desk: RunningDesk) -> None:
+    with opened_desk(browser, desk.address, NARROW, "dark") as opened:
+        begin_anew(opened)
+        draw_mission(opened)
+        opened.page.locator("#show-wind").click()
+        opened.page.locator("#profile-part summary").click()
+        expect(opened.page.locator("#profile-levels")).to_contain_text("known at one level")
+        expect(opened.page.locator("#profile-heights")).to_be_hidden()
+        expect(opened.page.locator("#profile-times .curve")).to_have_count(1)
 
 
 def test_a_finished_plan_is_opened_without_its_past(browser: Browser, desk: RunningDesk) -> None:

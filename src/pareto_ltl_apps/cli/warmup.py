@@ -50,6 +50,7 @@ NARROW = {"corners": BEACON, "fix": {"along": 2000.0, "across": 50.0, "bearing":
 UNIT = 1e5  # [m] of the map
 WAY = [(0.8, 0.7), (0.5, 2.0), (0.6, 4.5), (2.7, 4.5), (2.7, 6.4), (2.0, 7.7)]  # free of obstacles, to a
 FIX = (37.0, -94.0, 500.0)  # latitude, longitude [deg], standard deviation [m]
+FIX_TIME = 36e3  # [s] after departure, or the last step of a shorter plan
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +172,7 @@ def _plan(kind: Kind, folder: Path) -> None:
     sections = small_sections(kind)
     planned = plan(sections.pop("scene"), kind.formula, out=folder, **sections)
     if kind.replanned:
-        replan(planned, "10h", FIX)
+        replan(planned, min(FIX_TIME, float(planned.plan.path.t[-2])), FIX)
 
 
 def _plan_given_path(kind: Kind, folder: Path) -> None:

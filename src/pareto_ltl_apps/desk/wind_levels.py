@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
-from scipy.spatial import Delaunay, QhullError
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from pareto_ltl import Readings, Scene, WindField
 from pareto_ltl.extend import Frame, GeoBox, Wanted, WindConfig
@@ -90,17 +90,30 @@ def winds_at(readings: Readings, frame: Frame, places: FloatArray, times: FloatA
     """
     clock = readings.times - (readings.times[0] if frame.time_zero is None else seconds(frame.time_zero))
     at = np.asarray(frame.to_plane(*places.T), float).reshape(-1, 2)
-    fields = zip(readings.points, readings.winds, strict=True)
-    found = np.array([_between(points, winds, frame, at) for points, winds in fields])
+    found = np.empty((len(clock), *places.shape))
+    first, alike = (
+        readings.points[0],
+        [k for k, own in enumerate(readings.points) if _same(own, readings.points[0])],
+    )
+    found[alike] = _between(first, np.stack([readings.winds[k] for k in alike], axis=1), frame, at).swapaxes(
+        0, 1
+    )
+    for k in sorted(set(range(len(clock))) - set(alike)):
+        found[k] = _between(readings.points[k], readings.winds[k], frame, at)
     weights = np.array([np.interp(times, clock, slot) for slot in np.eye(len(clock))])  # (K, T)
     return np.asarray(np.tensordot(weights.T, found, 1), float)
 
 
+def _same(one: FloatArray, other: FloatArray) -> bool:
+    return one is other or np.array_equal(one, other)
+
+
 def _between(points: FloatArray, winds: FloatArray, frame: Frame, at: FloatArray) -> FloatArray:
+    """``winds`` (N, ..., 2) at ``points`` (N, 2) [deg], at ``at`` (P, 2) [m] of the plane: (P, ..., 2)."""
     nodes = np.asarray(frame.to_plane(*points.T), float).reshape(-1, 2)
-    finite = np.isfinite(winds).all(axis=1) & np.isfinite(nodes).all(axis=1)
+    finite = np.isfinite(winds).reshape(len(winds), -1).all(axis=1)
     nodes, values = nodes[finite], winds[finite]
-    near = NearestNDInterpolator(nodes, values)(at)
+    near = values[cKDTree(nodes).query(at)[1]]
     try:
         inside = LinearNDInterpolator(Delaunay(nodes), values)(at)
     except (QhullError, ValueError):  # too few nodes, or all on a line
