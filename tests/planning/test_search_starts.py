@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pareto_ltl.planning.refine.starts import BEYOND, FLIPPED, flipped_starts
-from pareto_ltl.planning.routes import roadmap
+from pareto_ltl.planning.routes import roadmap, taut_lines
 
 TRACK = np.column_stack([np.arange(21) * 500.0, np.full(21, 4000.0)])
 
@@ -78,3 +78,27 @@ def test_a_detour_is_the_least_of_all_pairs_of_ends(seed: int, goals: int) -> No
     np.testing.assert_allclose(found, np.min(every, axis=0), atol=1e-9)
     few = roadmap._detours(start, ends, points[:-1])  # noqa: SLF001
     np.testing.assert_array_equal(few, np.arange(roadmap.MOST_NODES))
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(1.0, 1e5))
+def test_a_step_reaches_the_goal_or_is_at_its_largest_airspeed(seed: int, far: float) -> None:
+    rng = np.random.default_rng(seed)
+    b = rng.normal(size=(2, 2)) + 2.0 * np.eye(2)
+    motion: Any = SimpleNamespace(
+        a=np.eye(2) + 1e-5 * rng.normal(size=(2, 2)), b_inv=np.linalg.inv(b), dt=100.0, u_max=20.0
+    )
+    x, wind = 100.0 * rng.normal(size=2), 5.0 * rng.normal(size=2)
+    goal = x + far * rng.normal(size=2)
+    share = taut_lines.longest_share(motion, x, goal, wind)
+
+    def airspeed(s: Any) -> Any:
+        moved = x + np.multiply.outer(s, goal - x) - motion.a @ x - 100.0 * wind
+        return np.linalg.norm(moved @ motion.b_inv.T, axis=-1) / 100.0
+
+    cap, slowest = taut_lines.CAP * motion.u_max, airspeed(np.linspace(-3.0, 3.0, 2001)).min()
+    assert share <= 1.0
+    if share == 1.0:
+        assert airspeed(1.0) <= cap * (1 + 1e-9)
+    elif slowest < cap:
+        assert airspeed(share) == pytest.approx(cap, rel=1e-6)
+        assert airspeed(share + 1e-3) > cap
