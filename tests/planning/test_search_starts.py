@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -102,3 +103,17 @@ def test_a_step_reaches_the_goal_or_is_at_its_largest_airspeed(seed: int, far: f
     elif slowest < cap:
         assert airspeed(share) == pytest.approx(cap, rel=1e-6)
         assert airspeed(share + 1e-3) > cap
+
+
+def test_nodes_are_free_on_the_map_outside_obstacles() -> None:
+    margin, km = roadmap.FACE_MARGIN, 1000.0
+    problem: Any = SimpleNamespace(scene=SimpleNamespace(bounds=np.array([[0.0, 0.0], [10 * km, 20 * km]])))
+    blocked = shapely.box(2 * km, 11 * km, 4 * km, 13 * km)
+
+    def free(*points: tuple[float, float]) -> list[bool]:
+        return roadmap._free(problem, blocked, np.array(points)).tolist()  # noqa: SLF001
+
+    assert free((3 * km, 12 * km), (3 * km, 3 * km), (9 * km, 12 * km)) == [False, True, True]
+    assert free((margin, margin), (10 * km - margin, 20 * km - margin)) == [True, True]
+    half, middle = margin / 2, 5 * km
+    assert not any(free((half, middle), (middle, half), (10 * km - half, middle), (middle, 20 * km - half)))
