@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from mutants.judge import Case, Verdict, judged
 from mutants.making import Mutant, drawn
 from mutants.reach import MOST_SECONDS, ROOT, Reach, record_all
-from mutants.table import EQUIVALENT, UNCOMPILED, modules
+from mutants.table import EQUIVALENT, UNCOMPILED, UNCOMPILED_SETTINGS, modules
 
 WANTED = 0.95
 
@@ -43,18 +43,21 @@ def survivors(chosen: Sequence[Mutant], seconds: float) -> list[Mutant]:
         reach = Reach.read(uncompiled)
         cases = [reach.case(one, files[one.module], seconds) for one in of_road]
         if cases:
-            _in_fork_with(uncompiled, cases, tell)
+            _judged_on_road(uncompiled, cases, tell)
     return alive
 
 
-def _in_fork_with(uncompiled: bool, cases: Sequence[Case], tell: Callable[[Case, Verdict], None]) -> None:
-    before = os.environ.pop("NUMBA_DISABLE_JIT", None)
-    if uncompiled:
-        os.environ["NUMBA_DISABLE_JIT"] = "1"
-    judged(cases, ROOT, tell)
+def _judged_on_road(uncompiled: bool, cases: Sequence[Case], tell: Callable[[Case, Verdict], None]) -> None:
+    before = dict(os.environ)
     os.environ.pop("NUMBA_DISABLE_JIT", None)
-    if before is not None:
-        os.environ["NUMBA_DISABLE_JIT"] = before
+    if uncompiled:
+        os.environ |= UNCOMPILED_SETTINGS
+    try:
+        judged(cases, ROOT, tell)
+    finally:
+        for name in UNCOMPILED_SETTINGS:
+            os.environ.pop(name, None)
+        os.environ |= before
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -36,11 +36,13 @@ KINDS = {
     "-1 of reshape": "any negative number means the same",
     "number of at most TINY but not 0, its factors, and + or - of them": "protects against rounding, 1 / 0",
     "< or <= beside such a number": "equality has no meaning within a tolerance",
+    "statement with a number of pieces (PIECES)": "how much is worked on at once: memory and time",
     "numbers of np.empty": "memory that is filled afterwards: more of it changes nothing",
     "< or <= where both branches give the same if the sides are equal": "a limit or an extreme",
 }
 TINY = 1e-6
 TOLERANCES = re.compile(r"\b\w*(TINY|EPS|ROUNDING|TOLERANCE)\w*\b|\b\d(\.\d+)?e-(0?[6-9]|\d\d+)\b")
+PIECES = re.compile(r"\b\w*(AT_ONCE|CHUNK|BATCH)\w*\b")
 LOGGERS = ("log", "logger", "LOG", "logging")
 STRICT = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 
@@ -119,7 +121,7 @@ def _ties(tree: ast.AST) -> set[ast.AST]:
     """Comparisons for which equality changes nothing, and terms of a tolerance: kinds left out."""
     found = set[ast.AST]()
     for node in ast.walk(tree):
-        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.Div) and _is_tiny(node):
+        if _is_of_pieces(node) or (isinstance(node, ast.BinOp) and _is_tiny(node)):
             found.update(ast.walk(node))
         elif isinstance(node, ast.BinOp) and (_is_tiny(node.left) or _is_tiny(node.right)):
             found.add(node)
@@ -136,6 +138,10 @@ def _ties(tree: ast.AST) -> set[ast.AST]:
         ):
             found.add(node.test)
     return found
+
+
+def _is_of_pieces(node: ast.AST) -> bool:
+    return isinstance(node, ast.Assign | ast.AnnAssign) and bool(PIECES.search(ast.unparse(node)))
 
 
 def _is_tiny(node: ast.expr) -> bool:

@@ -25,7 +25,7 @@ import pytest
 
 from mutants.judge import Case
 from mutants.making import Mutant
-from mutants.table import FOLDERS, SOURCE, UNCOMPILED_FOLDERS
+from mutants.table import FOLDERS, SOURCE, UNCOMPILED_FOLDERS, UNCOMPILED_SETTINGS
 
 ROOT = Path(__file__).parents[2]
 MOST_SECONDS = 20.0  # of tests that meet one mutant
@@ -110,7 +110,7 @@ def _record(folder: str, uncompiled: bool) -> None:
     if (child := os.fork()) == 0:
         os.chdir(ROOT)
         if uncompiled:
-            os.environ["NUMBA_DISABLE_JIT"] = "1"
+            os.environ |= UNCOMPILED_SETTINGS
         words = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", f"tests/{folder}"]
         os._exit(int(pytest.main(words, plugins=[Recorder(record_of(folder, uncompiled), _made_of(folder))])))
     if os.waitpid(child, 0)[1]:

@@ -12,6 +12,7 @@ FOLDERS = (  # of tests, which run compiled kernels
     "inflight", "preflight", "report", "studies", "verify",
 )  # fmt: skip
 UNCOMPILED_FOLDERS = ("kernels",)
+UNCOMPILED_SETTINGS = {"NUMBA_DISABLE_JIT": "1", "PARETO_LTL_TESTS": "day"}  # others take hours as Python
 
 
 def modules() -> dict[str, Path]:

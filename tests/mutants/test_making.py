@@ -72,6 +72,7 @@ def test_a_mutant_differs_from_the_source_in_its_place_alone() -> None:
         "x = 1e-9 * max(a, 2)",
         "x = a + 1e-9 * b",
         "x = np.empty((2, 3))",
+        "chunk = cumsum(counts) // PAIRS_AT_ONCE",
         "x = f'{1 + 1}'",
         "assert 1 < 2",
     ],

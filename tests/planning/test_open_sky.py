@@ -7,12 +7,14 @@ import logging
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from map_files import DRAWN, collection, written
+from pareto_ltl.planning import open_sky
 from pareto_ltl.planning.open_sky import sky_room
 from pareto_ltl.settings import RobotConfig, SceneConfig, WindConfig
 from pareto_ltl.settings.building import build_settings
@@ -153,3 +155,27 @@ def test_a_map_has_at_least_room_to_pass_around_it_and_no_more_than_its_plane_sh
     walls = scene_from_settings(replace(cfg, border="wall"), border="wall", room=wide)
     assert walls.border == "wall"
     assert "open" not in caplog.text
+
+
+def test_the_energy_lasts_longest_at_the_airspeed_of_least_power(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Power (v - 10)² + 50 W on 1 MJ; each other limit of a flight alone where it is the least."""
+
+    def limits(capacity: float | None, base: float = 50.0, **robot: Any) -> dict[str, float]:
+        model = SimpleNamespace(
+            curve=SimpleNamespace(watts=lambda v: (np.asarray(v) - 10.0) ** 2 + base), capacity=capacity
+        )
+        monkeypatch.setattr(open_sky, "energy_model", lambda power: model)
+        monkeypatch.setattr(open_sky, "known_for", lambda *_: 7000.0)
+        settings = build_settings({"wind": "calm", "robot": EXACT | robot, "planner": {"max_steps": 90}})
+        return {one.reason: one.seconds for one in open_sky._limits(settings, CALM, None, TOUR)}  # noqa: SLF001
+
+    found = limits(1e6, u_min=5.0, dt=60.0)
+    assert found["a flight on all of the energy"] == pytest.approx(1e6 / 50.0, rel=1e-3)
+    assert found["a flight of planner.max_steps"] == 5400.0
+    assert found["a flight to the end of the wind"] == 7000.0
+    assert found["a slow flight to all regions"] == SLOW_FLIGHT
+    assert list(limits(None, dt="auto")) == [
+        "a slow flight to all regions",
+        "a flight to the end of the wind",
+    ]
+    assert "a flight on all of the energy" not in limits(1e6, base=-1.0, u_min=5.0)

@@ -105,3 +105,12 @@ def test_a_time_step_that_is_neither_a_number_nor_auto_is_one_line(dt: Any) -> N
 
 def test_a_whole_number_is_the_same_time_step() -> None:
     assert repr(RobotConfig(dt=600).dt) == "600.0"
+
+
+def test_a_step_is_too_long_beyond_so_many_widths_of_the_narrowest_place() -> None:
+    scene = corridor(1.0)
+    width = narrowest_place(scene).width
+    robot = RobotConfig(dt=2.0 * width / 10.0, u_max=10.0)
+    assert "passage" in too_long(robot, scene, STEPS)
+    assert "passage" in too_long(robot, scene, STEPS, times=1.99)
+    assert too_long(robot, scene, STEPS, times=2.01) == ""
