@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 
 import pareto_ltl
-from pareto_ltl.wind.sources import SAMPLE_FILE
+from pareto_ltl.support.resources import SAMPLE_WINDS
 from problems import MISSIONS
 
 
@@ -29,6 +29,6 @@ def test_the_check_of_a_plan_in_a_newer_forecast(benchmark, planned):
     benchmark.extra_info["budget"] = 5.0
     limits = {"failure": 0.5}
     found = benchmark.pedantic(
-        lambda: pareto_ltl.check(planned, SAMPLE_FILE, limits=limits), rounds=3, warmup_rounds=1
+        lambda: pareto_ltl.check(planned, SAMPLE_WINDS, limits=limits), rounds=3, warmup_rounds=1
     )
     assert found.items

@@ -1,11 +1,14 @@
 """What branches have of the gain of new plans, on missions of the corpus: ``branches_pay.py --count 60``.
 
-Each mission is planned without landmarks. In the same fresh winds it is flown as planned, with branches at
-one fix (half-way) and at two (after a third and two thirds), with branches on the trunk that is best without
-any, with a position that is always known, and, in some of these winds, with a new plan at each of the same
-fixes. These winds are drawn from the flights that fail as planned and from the others, half each, and
-weighted back. Missions that hardly fail are left out. A finished mission is a line of OUT/rows.jsonl and is
-not repeated: the same command continues, and prints the tables of what is finished.
+Each mission is planned without landmarks. In the same fresh winds it is flown as planned, with branches at a
+fix after a third of the flight, with branches of branches at a second one after two thirds, with a position
+that is always known, and, in some of these winds, with a new plan at the first fix, and at both. These winds
+are drawn from the flights that fail as planned and from the others, and weighted back. All ways begin with
+the same plan. Missions that hardly fail are left out. A finished mission is a line of OUT/rows.jsonl and is
+not repeated: the same command continues; ``--tables`` prints what the finished ones say.
+
+The search is smaller than by default, so that a mission takes a minute or two: ``QUICK`` for the plan, the
+branches and the new plans, ``FEWER`` for the flights that branches are fitted to and chosen by.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ import json
 import math
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +29,7 @@ from numpy.random import SeedSequence
 
 from corpus.missions import missions
 from corpus.running import read_rows
+from pareto_ltl.run.branching import tree_plan, tree_search
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.plan_stage import branched
 from pareto_ltl.settings import BranchConfig
@@ -35,23 +40,25 @@ from pareto_ltl_apps.studies.replanning import (
     ReplanningContext,
     Way,
     always_known,
+    controls_by_fix,
     law_cycle,
-    replanned_controls,
 )
 
 FOLDER = Path(__file__).parents[1] / "outputs" / "branches_pay"
 FLIGHTS, LEAVES, FIX_SHARE = 4000, 4, 0.005  # error of a fix, of the side of the map
-SETS = {"1 fix": (0.5,), "2 fixes": (1 / 3, 2 / 3)}  # times of the fixes, of the duration
+FIXES = (1 / 3, 2 / 3)  # times of the fixes, of the duration
+SETS = ("1 fix", "2 fixes")
 QUICK = (
     "planner.trees=5",
-    "refine.flights=1000",
-    "refine.sweep_flights=250",
-    "refine.points=6",
-    "selection.runs=20000",
+    "refine.flights=300",
+    "refine.sweep_flights=150",
+    "refine.points=4",
+    "refine.classes=2",
+    "selection.runs=5000",
 )
+FEWER = {"FITTED": 1500, "JUDGED": 4000, "SELDOM": 0.003}  # constants of the search of trees
 RESAMPLED = 10_000
 SAFE = 0.005  # failure as planned below which there is nothing to gain
-OTHER_TRUNK = "the trunk of the plan"  # not fitted to its branches
 
 
 def planned(folder: Path, words: Sequence[str], extra: Sequence[str]) -> str:
@@ -80,54 +87,55 @@ def measured(folder: Path, replans: int) -> dict[str, Any]:
     }  # fmt: skip
     if alone.mean() < SAFE:
         return row
-    settings = replace(run.settings, replanning=replace(run.settings.replanning, fix_sd=sd))
-    context = ReplanningContext(run.with_settings(settings), winds.flights, (), law_cycle)
-    for name, shares in SETS.items():
-        at = sorted({min(max(round(share * steps), 1), steps - 1) for share in shares})
-        if len(at) < len(shares):
-            continue
-        hours = [step * dt / 3600.0 for step in at]
-        branch = BranchConfig(leaves=LEAVES, at=hours, fixes=len(at), fix_sd=sd)
-        with_tree = branched(run.with_settings(replace(run.settings, branch=branch)), plan)
-        tree = with_tree.branching
-        failed = alone if tree is None else fly_branches(winds, with_tree.path.u, tree).failed
-        if len(at) == 1:
-            plain = replace(run.settings, branch=replace(branch, fit_trunk=False))
-            simple = branched(run.with_settings(plain), plan)
-            other = simple.branching
-            lost = alone if other is None else fly_branches(winds, simple.path.u, other).failed
-            row[OTHER_TRUNK] = lost.mean()
-            row["fitted less other trunk"] = paired_difference(lost, failed)
+    at = sorted({min(max(round(share * steps), 1), steps - 1) for share in FIXES})
+    if len(at) < len(FIXES):
+        return row
+    hours = [step * dt / 3600.0 for step in at]
+    branch = BranchConfig(leaves=LEAVES, at=hours, fixes=len(at), fix_sd=sd, fit_trunk=False)
+    tree = branched(run.with_settings(replace(run.settings, branch=branch)), plan).branching
+    if tree is None:
+        ways = [alone, alone]
+    else:
+        flown = fly_branches(winds, plan.path.u, tree)
+        ways = [flown.before[:, 1], flown.failed]
+        row["tree"] = {
+            "step": tree.fix.step, "promised": tree.rate.failure, "runs": tree.rate.runs,
+            "rows": [[one.leaves, one.fixes, one.rate.failure, one.length] for one in tree.front],
+        }  # fmt: skip
+    for name, failed in zip(SETS, ways, strict=True):
         row[f"branches, {name}"] = failed.mean()
         row[f"difference, {name}"] = paired_difference(alone, failed)
-        if tree is not None:
-            row[f"tree, {name}"] = {
-                "promised": tree.rate.failure, "runs": tree.rate.runs, "bent": tree.bent,
-                "rows": [[one.leaves, one.fixes, one.rate.failure, one.length] for one in tree.front],
-            }  # fmt: skip
-        way = Way(name, plan.path, fixes=tuple(at))
-        row[f"new plans, {name}"] = replanned_rate(context, way, alone, replans)
+    settings = replace(run.settings, replanning=replace(run.settings.replanning, fix_sd=sd))
+    context = ReplanningContext(run.with_settings(settings), winds.flights, (), law_cycle)
+    for name, rate in zip(
+        SETS, replanned_rates(context, Way("", plan.path, fixes=tuple(at)), alone, replans), strict=True
+    ):
+        row[f"new plans, {name}"] = rate
     return row
 
 
-def replanned_rate(context: ReplanningContext, way: Way, alone: np.ndarray, count: int) -> dict[str, Any]:
-    """Failures with new plans, of flights that fail as planned and of the others, and the rate of all."""
+def replanned_rates(
+    context: ReplanningContext, way: Way, alone: np.ndarray, count: int
+) -> list[dict[str, Any]]:
+    """After each fix: failures with new plans of flights that fail as planned and of others, and the rate.
+
+    Three of four of the ``count`` flights are some that fail as planned: what new plans save is of these.
+    """
     rng, p = np.random.default_rng(20261129), float(alone.mean())
-    parts: dict[str, Any] = {}
-    rate = 0.0
-    for name, rows, weight in (
-        ("failed", np.flatnonzero(alone), p),
-        ("others", np.flatnonzero(~alone), 1 - p),
+    found: list[dict[str, Any]] = [{"rate": 0.0} for _ in way.fixes]
+    for name, rows, weight, many in (
+        ("failed", np.flatnonzero(alone), p, count - count // 4),
+        ("others", np.flatnonzero(~alone), 1 - p, count // 4),
     ):
-        chosen = np.sort(rng.permutation(rows)[: count // 2])
         lost = []
-        for number in chosen.tolist():
+        for number in np.sort(rng.permutation(rows)[:many]).tolist():
             wind = context.winds.only(np.array([number]))
-            u, x, _ = replanned_controls(context, way, wind, number)
-            lost.append(bool(wind.failed(way.pilot(wind, u, x))[0]))
-        parts[name] = [int(np.sum(lost)), len(lost)]
-        rate += weight * (float(np.mean(lost)) if lost else 0.0)
-    return {"rate": rate, **parts}
+            _, *after = controls_by_fix(context, way, wind, number)
+            lost.append([bool(wind.failed(way.pilot(wind, u, x))[0]) for u, x, _ in after])
+        for own, failed in zip(found, np.array(lost).T, strict=True):
+            own[name] = [int(failed.sum()), len(failed)]
+            own["rate"] += weight * float(failed.mean())
+    return found
 
 
 def tables(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
@@ -137,22 +145,13 @@ def tables(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
     ways = ["as planned", "position always known"]
     for way in ways:
         yield f"{way}: {100 * np.mean([row[way] for row in done]):.2f} %"
-    fitted = [row for row in done if OTHER_TRUNK in row]
-    if fitted:
-        gaps = [row["fitted less other trunk"] for row in fitted]
-        better, worse = sum(gap[2] < 0.0 for gap in gaps), sum(gap[1] > 0.0 for gap in gaps)
-        yield (
-            f"trunks fitted to their branches: {len(gaps)} missions, mean difference "
-            f"{100 * np.mean([gap[0] for gap in gaps]):+.2f} points; {better} fail less than with the trunk "
-            f"of the plan (interval below 0), {worse} more"
-        )
     for name in SETS:
         own = [row for row in done if f"branches, {name}" in row]
         if not own:
             continue
         p, b = (np.array([row[key] for row in own]) for key in ("as planned", f"branches, {name}"))
         r = np.array([row[f"new plans, {name}"]["rate"] for row in own])
-        grown = [row for row in own if f"tree, {name}" in row]
+        grown = [row for row in own if "tree" in row]
         yield (
             f"{name}: {len(own)} missions, {len(grown)} with branches; as planned {100 * p.mean():.2f} %, "
             f"branches {100 * b.mean():.2f} %, new plans {100 * r.mean():.2f} %"
@@ -161,15 +160,18 @@ def tables(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
         yield f"  of the gain of new plans, branches have {middle:.0f} % (95 %: {low:.0f} to {high:.0f} %)"
         worse = [row["mission"] for row in own if row[f"difference, {name}"][1] > 0.0]
         yield f"  missions with a tree that is worse than its plan (interval above 0): {worse or 'none'}"
-        bent = [row["mission"] for row in grown if row[f"tree, {name}"]["bent"] is not None]
-        yield f"  bent trunks: {bent or 'none'}"
-        z = [_apart(row, name) for row in grown]
-        yield f"  promised less flown, in standard errors: {', '.join(f'{one:+.1f}' for one in z)}"
+    grown = [row for row in done if "tree" in row]
+    for leaves in range(1, LEAVES + 1):
+        rates = [one[2] for row in grown for one in row["tree"]["rows"] if one[0] == leaves and one[1] <= 1]
+        if rates:
+            yield f"{leaves} branches at the first fix: {100 * np.mean(rates):.2f} % (flights of the choice)"
+    z = [_apart(row) for row in grown]
+    yield f"promised less flown, in standard errors: {', '.join(f'{one:+.1f}' for one in z) or 'none'}"
 
 
-def _apart(row: dict[str, Any], name: str) -> float:
+def _apart(row: dict[str, Any]) -> float:
     """Promised less flown rate of a tree, in standard errors."""
-    tree, flown = row[f"tree, {name}"], row[f"branches, {name}"]
+    tree, flown = row["tree"], row[f"branches, {SETS[-1]}"]
     error = math.sqrt(max(flown, 1e-4) * (1 / FLIGHTS + 1 / tree["runs"]))
     return float((tree["promised"] - flown) / error)
 
@@ -195,7 +197,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=61, help="seed of the missions")
     parser.add_argument("--replans", type=int, default=8, help="flights of a mission with new plans")
     parser.add_argument("--out", type=Path, default=FOLDER)
-    parser.add_argument("--tables", action="store_true", help="only print the tables")
+    parser.add_argument("--tables", "--report", action="store_true", help="only print the tables")
     asked = parser.parse_intermixed_args()
     out = asked.out.resolve()
     out.mkdir(parents=True, exist_ok=True)
@@ -205,6 +207,10 @@ def main() -> int:
         sys.exit(
             f"{mark} is of {mark.read_text().strip()}, not of {json.dumps(identity)}; choose another --out"
         )
+    for constant, value in FEWER.items():
+        for module in (tree_search, tree_plan):
+            if hasattr(module, constant):
+                setattr(module, constant, value)
     mark.write_text(json.dumps(identity) + "\n")
     done = {row["mission"] for row in read_rows(out)}
     for mission in [] if asked.tables else missions(asked.count, asked.seed, 1):
@@ -212,10 +218,12 @@ def main() -> int:
             continue
         folder = out / "missions" / mission.name
         fault = planned(folder, mission.write(folder), asked.words)
+        began = time.process_time()
         try:
             row = {"said": fault} if fault else measured(folder, asked.replans)
         except (ConfigError, DataError, InfeasibleError) as error:
             fault, row = str(error), {"said": str(error)}
+        row["cpu_s"] = round(time.process_time() - began, 1)
         with (out / "rows.jsonl").open("a") as stream:
             stream.write(json.dumps({"mission": mission.name, **row}) + "\n")
         print(mission.name, fault or f"{100 * row['as planned']:.1f} % fail as planned", flush=True)

@@ -3,8 +3,8 @@
     python benchmarks/packaged_laws.py WINDS [--write]
 
 WINDS is a folder with ``icon_eu_22_points.npz``, ``gefcom2012_7_sites.npz`` and ``openmeteo_nyc.npz``; where
-they come from stands in ``SOURCES``. Printed are the laws and the table of coverages of docs/wind_error.md;
-``--write`` writes the laws into the package.
+they come from stands in ``SOURCES``. Printed are the laws and coverages, of which docs/wind_error.md has a
+part; ``--write`` writes the laws into the package.
 
 The change of the wind in time is of ``packaged_changes.py``, and stays as it is.
 
@@ -120,7 +120,7 @@ def with_change(law: LawOfParts, other: LawOfParts) -> LawOfParts:
 
 
 def coverage_lines(estimates: dict[str, LawEstimate]) -> list[str]:
-    """The rows of the table of docs/wind_error.md."""
+    """Rows of coverages, of which the table of docs/wind_error.md has a part."""
     lines = []
     for name, estimate in estimates.items():
         for left in sorted(estimate.left_out, key=lambda left: (left.row.kind, left.row.hours)):

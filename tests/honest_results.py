@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pareto_ltl
 from pareto_ltl.support.files import write_csv, write_json
+from pareto_ltl.support.resources import SAMPLE_WINDS
 from pareto_ltl.support.times import seconds
 from pareto_ltl.wind.named_laws import law_of_parts_named
-from pareto_ltl.wind.sources import SAMPLE_FILE
 from quick_wind import QUICK_WIND
 
 SMALL = {
@@ -57,7 +57,7 @@ def _law(path: Path) -> Path:
 
 def _forecasts(path: Path, hours: float = 18.0, start: float = 3.0) -> Path:
     """Lighter packaged winds: analyses up to the start of a cycle ``start`` hours after the first time."""
-    with SAMPLE_FILE.open(newline="") as file:
+    with SAMPLE_WINDS.open(newline="") as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     first = seconds(rows[0]["time"])
     leads = [(seconds(row["time"]) - first) / 3600 for row in rows]

@@ -21,7 +21,7 @@ import numpy as np
 
 from corpus.drawing import Place
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.sources import SAMPLE_FILE
+from pareto_ltl.support.resources import SAMPLE_WINDS
 
 NOAA = (
     Path(__file__).parents[3] / "shared" / "data" / "noaa"
@@ -70,7 +70,7 @@ class Wind:
 @lru_cache(maxsize=1)
 def sample_table() -> tuple[FloatArray, FloatArray, FloatArray]:
     """Hours after ``FIRST`` (T,), places (N, 2) [deg: latitude, longitude] and winds (T, N, 2) [m/s]."""
-    with SAMPLE_FILE.open(newline="") as file:
+    with SAMPLE_WINDS.open(newline="") as file:
         rows = list(csv.DictReader(file))
     stamps = sorted({row["time"] for row in rows})
     hours = np.array(

@@ -1,7 +1,7 @@
 """Build the site of the documentation: ``python release/docs_site [--builder zensical] [--out FOLDER]``.
 
 1. All pages are written as plain Markdown into ``WORK/pages``: those of ``docs/``, and what is made from
-   settings, schemas, formulas and files outside of ``docs/``.
+   settings, schemas, packages, formulas and files outside of ``docs/``.
 2. A builder turns them into HTML in ``WORK/site``. It runs no code of this project but ``docstrings.py``, so
    that another one can take its place (docs/decisions/site.md).
 3. In the HTML, settings become links to their line, and what Markdown shows wrongly is mended.
@@ -20,10 +20,12 @@ from pathlib import Path
 import formulas
 import markup
 import outside
+import package_tables
 import schema_tables
 import settings_tables
 
 ROOT = outside.ROOT
+
 BUILDERS: dict[str, tuple[str, ...]] = {
     "mkdocs": ("mkdocs", "build", "--strict", "--quiet", "--config-file"),
     "zensical": ("zensical", "build", "--strict", "--clean", "--config-file"),
@@ -31,6 +33,7 @@ BUILDERS: dict[str, tuple[str, ...]] = {
 STEPS: tuple[Callable[[str], str], ...] = (
     settings_tables.with_settings,
     schema_tables.with_schemas,
+    package_tables.with_packages,
     formulas.with_formulas,
 )
 

@@ -5,7 +5,8 @@
 - Flights: ``evaluate`` a path or controls, ``draw_flights`` and ``simulate_flights``, ``which_fail``, samples
   and rates of any event; ``Learnt`` from position ``Fix``; wind at a place: ``LocalWind``, ``LinearWind``.
 - Kinds: ``Cost``; ``WindSource``, with what a reader of winds returns (``Snapshot``, ``readings_of``) and is
-  asked for (``Wanted``, ``GeoBox``); readers of maps (``MapFile``, ``MapFormats``); laws of wind errors.
+  asked for (``Wanted``, ``GeoBox``); readers of maps (``MapFormats``, ``SceneSketch``) and of automata
+  (``AutomatonFormats``); laws of wind errors.
 - Sections of :class:`pareto_ltl.Settings` and their ``Declaration``; ``Frame``, the plane and clock of a map.
 
 They stand in ``extend.pyi`` and are imported when they are used, as the names of ``pareto_ltl``.

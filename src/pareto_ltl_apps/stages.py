@@ -51,6 +51,14 @@ def write_page(run: Run) -> tuple[Path, ...]:
     return (make_page(run),)
 
 
+def write_table(run: Run) -> Path:
+    """The wind table of ``pipelines=ingest``; its path is relative to the current folder."""
+    from pareto_ltl_apps.formats.wind_table import write_wind_table
+
+    ingest = run.settings.ingest
+    return write_wind_table(run.settings.wind, run.readings, ingest, Path(ingest.out))
+
+
 EXPORTED = (*format_files(), *BRANCH_FILES)
 EXPORT = Record(
     write_plan_files,
@@ -61,4 +69,6 @@ EXPORT = Record(
 )
 FIGURES = Record(draw_figures, "report", shows=FIGURE_FILES, name="figures")
 PAGE = Record(write_page, "page", shows=(PAGE_FILE,))
-STAGES = (EXPORT, FIGURES, PAGE, *STUDY_STAGES)
+TABLE = Record(write_table, "table")
+TABLE.elsewhere = True
+STAGES = (TABLE, EXPORT, FIGURES, PAGE, *STUDY_STAGES)

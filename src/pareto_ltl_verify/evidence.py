@@ -25,6 +25,7 @@ from pareto_ltl_verify.flights import NONE, Ground, failures, fly
 from pareto_ltl_verify.formula import Dfa, Timetable, covers, losing, windows_of
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, convex
 from pareto_ltl_verify.laws import Coherent, Course, Independent, Law, landmarks_of
+from pareto_ltl_verify.rare import rare_failures
 from pareto_ltl_verify.robot import Robot, energy_limits
 from pareto_ltl_verify.wind_tables import CURRENTS, ENSEMBLE, clock, read_wind_file, source_of
 
@@ -420,6 +421,12 @@ class Evidence:
             few = min(BATCH, runs - first)
             x = self.fly(name, self.x, self.u, few, 20181009, LAWS.index(name), number)
             yield int(self.ground.failed(x).sum()), few
+
+    @cached_property
+    def rare_failures(self) -> FloatArray:
+        """Weights (n,) of new flights of the plan, drawn so that many fail; 0 for others. May be empty."""
+        law = self.law(self.planned_law)
+        return rare_failures(law, self.ground, self.x, self.u, (20181009, LAWS.index(self.planned_law), 7))
 
     @cached_property
     def held_failures(self) -> tuple[int, int]:

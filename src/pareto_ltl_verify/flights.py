@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import compress, groupby
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.random import Generator
 from scipy.special import betaincinv
 from scipy.stats import chi2, chi2_contingency, hypergeom, ks_2samp
 
@@ -183,8 +183,18 @@ def misjudged(ground: Ground, x: FloatArray, flags: Sequence[BoolArray], grain: 
 # --- new flights ------------------------------------------------------------------------------
 
 
+class Normals(Protocol):
+    """A source of standard normal numbers: a generator, or numbers that stand already."""
+
+    def standard_normal(self, size: tuple[int, ...]) -> FloatArray:
+        """The next numbers, in the shape ``size``."""
+
+    def spawn(self, number: int) -> Sequence[Any]:
+        """Sources of other numbers."""
+
+
 def fly(
-    law: Law, mean: FloatArray, u: FloatArray, runs: int, rng: Generator, landmarks: Sequence[Landmark] = ()
+    law: Law, mean: FloatArray, u: FloatArray, runs: int, rng: Normals, landmarks: Sequence[Landmark] = ()
 ) -> FloatArray:
     """Positions (runs, T+1, 2) [m] of new flights of the controls ``u`` about ``mean`` under ``law``.
 
@@ -223,7 +233,7 @@ def _off_plan(robot: Robot, before: FloatArray, u: FloatArray, own: FloatArray) 
     return np.asarray((robot.flown(planned, last, own) - planned) @ robot.b.T, float)
 
 
-def _drawn_wind(law: Law, x: FloatArray, t: int, theta: FloatArray, rng: Generator) -> FloatArray:
+def _drawn_wind(law: Law, x: FloatArray, t: int, theta: FloatArray, rng: Normals) -> FloatArray:
     """Wind that each flight meets at its position, (n, 2) [m/s]."""
     (met, latent), carried, modes = law.wind_at(t, x), np.zeros(2), law.wind.modes
     if isinstance(law, Coherent) and modes is not None:
@@ -249,7 +259,7 @@ def _held_controls(
     return robot.within_speed(u - np.linalg.solve(robot.b, back.T).T)
 
 
-def next_field(law: Law, t: int, theta: FloatArray, rng: Generator) -> FloatArray:
+def next_field(law: Law, t: int, theta: FloatArray, rng: Normals) -> FloatArray:
     """θ (n, N) of step t from θ of step t - 1: ρ θ + √(1 - ρ²) η, with ρ of the part of each mode."""
     keep = law.kept(t)
     if (keep == 1).all():
@@ -291,7 +301,7 @@ class Filters:
         self.now, self.ago, self.wind = np.zeros((runs, 2)), np.zeros((runs, 2)), np.zeros((runs, modes))
         self.fixed, self.history = np.zeros(runs, bool), list[History]([()] * runs)
 
-    def controls(self, x: FloatArray, t: int, u: FloatArray, rng: Generator) -> FloatArray:
+    def controls(self, x: FloatArray, t: int, u: FloatArray, rng: Normals) -> FloatArray:
         """Controls (n, 2) [m/s] of all flights ``x`` (n, T+1, 2) at step t; ``u`` (2,) is the planned one."""
         self._observe(t, x, rng)
         robot, guide, fixed = self.law.robot, self.guide, self.fixed[:, None]
@@ -312,7 +322,7 @@ class Filters:
         self.joint = {key: M @ joint @ M.T + np.diag(fresh) for key, joint in self.joint.items()}
         self.wind *= kept
 
-    def _observe(self, t: int, x: FloatArray, rng: Generator) -> None:
+    def _observe(self, t: int, x: FloatArray, rng: Normals) -> None:
         """The fixes of all flights on their way to step t."""
         if t:
             self._carry(t)

@@ -34,6 +34,7 @@ from pareto_ltl_verify.claims import (
     search,
     settings,
     texts,
+    trades,
     units,
     wind,
     world,
@@ -44,7 +45,7 @@ CLAIMS: tuple[Claim, ...] = (
     *record.CLAIMS, *settings.CLAIMS, *origin.CLAIMS, *world.CLAIMS, *wind.CLAIMS, *readings.CLAIMS,
     *plan.CLAIMS, *limits.CLAIMS, *search.CLAIMS, *front.CLAIMS, *choice.CLAIMS, *judged.CLAIMS,
     *flights.CLAIMS, *legs.CLAIMS, *exports.CLAIMS, *outlines.CLAIMS, *missions.CLAIMS, *height.CLAIMS,
-    *texts.CLAIMS, *page.CLAIMS, *units.CLAIMS, *replan.CLAIMS, *containment.CLAIMS,
+    *texts.CLAIMS, *page.CLAIMS, *trades.CLAIMS, *units.CLAIMS, *replan.CLAIMS, *containment.CLAIMS,
     *branches.CLAIMS,
 )  # fmt: skip
 REPLANNED = "replan.json"  # file of a plan that begins during a flight (``pareto-ltl replan``)

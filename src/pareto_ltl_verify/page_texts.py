@@ -53,11 +53,8 @@ UNSURE = "not shown, with a standard error above a quarter of the price"
 
 
 def hours(seconds: float) -> str:
-    """A duration [s] in whole and half hours or minutes, else in seconds."""
-    for unit, size in (("h", 3600.0), ("min", 60.0)):
-        if abs(seconds) >= size and (seconds / size) % 0.5 == 0:
-            return f"{seconds / size:g} {unit}"
-    return f"{seconds:g} s"
+    """A time [s] in hours."""
+    return f"{seconds / 3600.0:,.2f} h"
 
 
 def degrees(angle: float) -> str:

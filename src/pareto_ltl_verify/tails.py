@@ -26,8 +26,71 @@ class Scales:
     forecasts: Mapping[int, FloatArray] = field(default_factory=dict)
     change: FloatArray | None = None
 
+    def typical(self, runs: int) -> FloatArray:
+        """About how many times as large as without tails the deviations of the flights are, (runs,)."""
+        if self.forecasts:
+            return np.asarray(np.mean(list(self.forecasts.values()), axis=0), float)
+        return np.ones(runs) if self.change is None else self.change
 
-def drawn_scales(law: Law, runs: int, rng: Generator) -> Scales:
+
+SHIFTS = np.array([0.0, 1.0, 2.0, 3.0])  # of as many equal parts of the weighted flights [sd]
+SHIFTED = float(len(SHIFTS))  # at most so much larger is a weight
+
+
+class ScaleDraws:
+    """A source of normal numbers for :func:`drawn_scales` that makes large scales frequent.
+
+    Each flight has all its first numbers, those before any slot's own, raised by one of :data:`SHIFTS`;
+    ``weight`` (n,) is the ratio of the densities without and with these, at most :data:`SHIFTED`.
+    """
+
+    def __init__(self, runs: int, rng: Generator) -> None:
+        """Numbers of ``runs`` flights from ``rng``."""
+        self._rng, self._raised, self._over = rng, rng.choice(SHIFTS, runs), False
+        self._logarithm = np.zeros((len(SHIFTS), runs))  # of the ratios of raised densities to the plain one
+        self.drawn: list[FloatArray] = []
+
+    @property
+    def weight(self) -> FloatArray:
+        """The weights of what was drawn until now, (n,)."""
+        return np.asarray(1.0 / np.exp(self._logarithm).mean(axis=0), float)
+
+    def standard_normal(self, size: int | tuple[int, ...]) -> FloatArray:
+        """Numbers (n,) or (rows, n); only those before the slots' own are raised."""
+        drawn: FloatArray = self._rng.standard_normal(size)
+        if not self._over:
+            self._over = drawn.ndim == 2
+            drawn = drawn + self._raised
+            for number in np.atleast_2d(drawn):
+                self._logarithm += np.outer(SHIFTS, number) - SHIFTS[:, None] ** 2 / 2.0
+        self.drawn.append(drawn)
+        return drawn
+
+
+class Again:
+    """A source that gives numbers that were ``drawn`` once more, in the same order."""
+
+    def __init__(self, drawn: list[FloatArray]) -> None:
+        """The numbers of a :class:`ScaleDraws`."""
+        self._left = list(drawn)
+
+    def standard_normal(self, size: int | tuple[int, ...]) -> FloatArray:  # noqa: ARG002
+        """The next numbers."""
+        return self._left.pop(0)
+
+
+class UnitScales:
+    """A source of numbers for :func:`drawn_scales` of flights whose scales are about 1."""
+
+    def standard_normal(self, size: int | tuple[int, ...]) -> FloatArray:
+        """Zeros (n,) or (rows, n): the logarithm of a scale is then minus its variance."""
+        return np.zeros(size)
+
+
+Numbers = Generator | ScaleDraws | Again | UnitScales
+
+
+def drawn_scales(law: Law, runs: int, rng: Numbers) -> Scales:
     """The scales of ``runs`` new flights, in the slots whose modes are used."""
     wind, found = law.wind, dict[int, FloatArray]()
     error = wind.error

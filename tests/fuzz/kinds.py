@@ -54,7 +54,7 @@ def wind_seeds(place: Path) -> dict[str, bytes]:
 
 def _read_wind(kind: str, path: Path) -> object:
     """As the source of the wind reads it, but GRIB in this process: a new one takes a second."""
-    from pareto_ltl.wind.sources.csv_files import read_csv_files
+    from pareto_ltl_apps.formats.csv_files import read_csv_files
     from pareto_ltl_apps.formats.grib_files import grib_snapshots
     from pareto_ltl_apps.formats.netcdf_files import netcdf_snapshots
     from pareto_ltl_apps.formats.quantities import CURRENTS, WINDS

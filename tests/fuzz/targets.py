@@ -57,7 +57,7 @@ def formulas(place: Path) -> Fuzz:
 
 
 def automata(place: Path) -> Fuzz:
-    from pareto_ltl.logic.hoa import read_hoa
+    from pareto_ltl_apps.formats.hoa_files import read_hoa
 
     seeds = [text.encode() for text in corpora.HOA]
     return Fuzz(mutants(seeds), from_file(place / "a.hoa", read_hoa))
@@ -162,7 +162,7 @@ def command_lines(place: Path) -> Fuzz:
 
 
 def csv_winds(place: Path) -> Fuzz:
-    from pareto_ltl.wind.sources.csv_files import read_csv_files
+    from pareto_ltl_apps.formats.csv_files import read_csv_files
 
     return Fuzz(
         mutants(corpora.CSV), from_file(place / "wind.csv", lambda path: read_csv_files((path,), 150.0))

@@ -13,11 +13,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.logic import FormulaError, hoa, parse_formula, patterns, translate
+from pareto_ltl.logic import FormulaError, parse_formula, patterns, translate
 from pareto_ltl.logic.formula import Formula
+from pareto_ltl.logic.hoa import hoa_text
 from pareto_ltl.settings import MissionConfig
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.formats.hoa_files import parse_hoa, read_hoa
 from pareto_ltl_apps.view import automaton_picture as draw
 
 ATOMS = ("a", "b", "c")
@@ -53,15 +55,15 @@ formulas = st.recursive(
 @given(formulas)
 def test_an_automaton_comes_back_from_hoa(f):
     automaton = translate(str(f))
-    assert hoa.parse_hoa(hoa.hoa_text(automaton)) == automaton
+    assert parse_hoa(hoa_text(automaton)) == automaton
 
 
 @pytest.mark.parametrize("formula", MISSIONS)
 def test_a_file_serves_as_a_mission(formula, tmp_path):
     automaton = translate(formula)
     file = tmp_path / "mission.hoa"
-    file.write_text(hoa.hoa_text(automaton), encoding="utf-8")
-    assert hoa.read_hoa(file) == automaton
+    file.write_text(hoa_text(automaton), encoding="utf-8")
+    assert read_hoa(file) == automaton
 
 
 VALID = """HOA: v1
@@ -81,7 +83,7 @@ State: 1 {0}
 
 
 def test_a_hand_written_file_is_read():
-    assert hoa.parse_hoa(VALID) == translate("F a")
+    assert parse_hoa(VALID) == translate("F a")
 
 
 @pytest.mark.parametrize(
@@ -103,7 +105,7 @@ def test_a_file_that_is_not_a_deterministic_state_based_automaton_is_refused_in_
     text = VALID.replace(old, new)
     assert text != VALID
     try:
-        automaton = hoa.parse_hoa(text, source="m.hoa")
+        automaton = parse_hoa(text, source="m.hoa")
     except ParetoLtlError as error:
         assert "m.hoa" in str(error)
         assert "\n" not in str(error)
@@ -115,7 +117,7 @@ def test_a_file_that_is_not_a_deterministic_state_based_automaton_is_refused_in_
 def test_an_acceptance_that_is_not_absorbing_is_no_mission():
     recurring = VALID.replace("[t] 1", "[!0] 0\n[0] 1")
     with pytest.raises(ParetoLtlError, match=r"m\.hoa"):
-        hoa.parse_hoa(recurring, source="m.hoa")
+        parse_hoa(recurring, source="m.hoa")
 
 
 # --- an independent judge ------------------------------------------------------------------------
@@ -254,7 +256,7 @@ def test_the_command_tells_what_a_formula_means(capsys, tmp_path):
     for word in ("normal form", "states        3", "insertion-closed"):
         assert word in told
     assert all(file.stat().st_size > 0 for file in files)
-    assert hoa.read_hoa(files[0]) == translate("F(a & F b)")
+    assert read_hoa(files[0]) == translate("F(a & F b)")
 
 
 def test_the_command_points_at_a_mistake(capsys):

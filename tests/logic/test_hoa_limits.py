@@ -7,9 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl.logic import hoa, labels, translate
+from pareto_ltl.logic import labels, translate
+from pareto_ltl.logic.hoa import hoa_text
 from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.errors import DataError, ParetoLtlError
+from pareto_ltl_apps.formats import hoa_files, hoa_labels
+from pareto_ltl_apps.formats.hoa_files import parse_hoa, read_hoa
 
 
 def text(header: str = "", label: str = "0", states: str = "States: 2") -> str:
@@ -21,7 +24,7 @@ def text(header: str = "", label: str = "0", states: str = "States: 2") -> str:
 
 def refusal(content: str) -> str:
     with pytest.raises(ParetoLtlError) as caught:
-        hoa.parse_hoa(content)
+        parse_hoa(content)
     message = str(caught.value)
     assert "\n" not in message
     assert len(message) < 300
@@ -30,8 +33,8 @@ def refusal(content: str) -> str:
 
 def test_aliases_that_double_are_worked_out_once_each() -> None:
     lines = ["Alias: @a0 0", *(f"Alias: @a{i + 1} @a{i} & @a{i}" for i in range(150))]
-    found = hoa.parse_hoa(text("\n".join(lines), "@a150"))
-    plain = hoa.parse_hoa(text())
+    found = parse_hoa(text("\n".join(lines), "@a150"))
+    plain = parse_hoa(text())
     np.testing.assert_array_equal(found.delta, plain.delta)
 
 
@@ -58,7 +61,7 @@ def test_a_file_beyond_the_limits_is_refused(content: str, words: str) -> None:
 
 
 def test_labels_that_take_too_much_work_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(labels, "MAX_LABEL_WORK", 1000)
+    monkeypatch.setattr(hoa_labels, "MAX_LABEL_WORK", 1000)
     assert "too long for 4 letters" in refusal(text(label=" | ".join(["0"] * 200)))
 
 
@@ -66,30 +69,30 @@ def test_labels_that_take_too_much_work_are_refused(monkeypatch: pytest.MonkeyPa
 def test_a_file_that_is_no_text_is_refused_with_its_line(data: bytes, tmp_path) -> None:
     (tmp_path / "a.hoa").write_bytes(data)
     with pytest.raises(DataError, match=r"a\.hoa: line \d: byte 0xff is not UTF-8"):
-        hoa.read_hoa(tmp_path / "a.hoa")
+        read_hoa(tmp_path / "a.hoa")
 
 
 def test_a_byte_order_mark_is_no_part_of_an_automaton(tmp_path) -> None:
     (tmp_path / "a.hoa").write_text(text(), encoding="utf-8-sig")
-    assert hoa.read_hoa(tmp_path / "a.hoa") == hoa.parse_hoa(text())
+    assert read_hoa(tmp_path / "a.hoa") == parse_hoa(text())
 
 
 def test_a_label_that_many_edges_have_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """4,096 states share the labels of their edges: they are parsed and worked out once for each text."""
-    made, before = [], labels.LabelReader.evaluated
+    made, before = [], hoa_labels.LabelReader.evaluated
 
-    def counted(self: labels.LabelReader, text: str, line: int) -> BoolArray:
+    def counted(self: hoa_labels.LabelReader, text: str, line: int) -> BoolArray:
         made.append(text)
         return before(self, text, line)
 
-    monkeypatch.setattr(labels.LabelReader, "evaluated", counted)
+    monkeypatch.setattr(hoa_labels.LabelReader, "evaluated", counted)
     count = 4096
     lines = [
         f"State: {q}{' {0}' if q == count - 1 else ''}\n[(0) &\n 1] {min(q + 1, count - 1)}\n[!0 | !1] {q}"
         for q in range(count - 1)
     ]
     head = text(states=f"States: {count}").split("State: 0")[0]
-    read = hoa.parse_hoa("\n".join([head, *lines, f"State: {count - 1} {{0}} [t] {count - 1} --END--"]))
+    read = parse_hoa("\n".join([head, *lines, f"State: {count - 1} {{0}} [t] {count - 1} --END--"]))
     assert read.n_states == count
     assert len(made) < 10
 
@@ -100,8 +103,8 @@ def test_lines_of_labels_that_are_passed_over_are_counted() -> None:
 
 
 def test_literals_that_exclude_each_other_take_no_letter() -> None:
-    found = hoa.parse_hoa(text(label="0 & !0 | 0 & 1"))
-    np.testing.assert_array_equal(found.delta, hoa.parse_hoa(text(label="(0) & 1")).delta)
+    found = parse_hoa(text(label="0 & !0 | 0 & 1"))
+    np.testing.assert_array_equal(found.delta, parse_hoa(text(label="(0) & 1")).delta)
 
 
 def test_quotes_without_an_end_are_refused_after_one_look() -> None:
@@ -110,7 +113,7 @@ def test_quotes_without_an_end_are_refused_after_one_look() -> None:
 
 def test_a_state_that_is_announced_and_has_no_lines_never_completes() -> None:
     content = text(states="States: 3")
-    found, plain = hoa.parse_hoa(content), hoa.parse_hoa(text())
+    found, plain = parse_hoa(content), parse_hoa(text())
     for word in ((), ("a",), ("a", "b"), ("b", "a")):
         letters = [frozenset(one) for one in word]
         assert found.accepts(letters) == plain.accepts(letters)
@@ -122,7 +125,7 @@ def test_a_header_that_ends_with_another_mark_is_refused() -> None:
 
 def test_an_edge_may_lead_to_a_state_that_is_announced_and_has_no_lines_and_to_no_other() -> None:
     leads = text(states="States: 3").replace("[!(0)] 0\n", "[!(0)] 2\n")
-    found = hoa.parse_hoa(leads)
+    found = parse_hoa(leads)
     assert found.accepts([{"a"}, set()])
     assert not found.accepts([set(), {"a"}])
     assert "state 0 leads to state 2, which does not exist" in refusal(leads.replace("States: 3\n", ""))
@@ -131,15 +134,15 @@ def test_an_edge_may_lead_to_a_state_that_is_announced_and_has_no_lines_and_to_n
 
 def test_the_name_of_a_state_changes_nothing() -> None:
     named = text().replace("State: 0\n", 'State: 0 "begin"\n').replace("State: 1 {0}", 'State: 1 "done" {0}')
-    assert hoa.parse_hoa(named) == hoa.parse_hoa(text())
+    assert parse_hoa(named) == parse_hoa(text())
 
 
 def test_letters_are_listed_where_some_are_missing_and_only_there() -> None:
     whole = translate("F(a & F b)")
-    assert "letters:" not in hoa.hoa_text(whole)
+    assert "letters:" not in hoa_text(whole)
     some = translate("F(a & F b)", whole.letters[:3])
-    assert "letters: 0 1 2" in hoa.hoa_text(some)
-    assert hoa.parse_hoa(hoa.hoa_text(some)) == some
+    assert "letters: 0 1 2" in hoa_text(some)
+    assert parse_hoa(hoa_text(some)) == some
 
 
 @given(st.integers(1, 2**16 - 2))
@@ -162,7 +165,16 @@ def test_a_proposition_that_is_listed_twice_is_refused() -> None:
 
 def test_a_table_of_as_many_entries_as_the_limit_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two states and a trap, times four letters."""
-    monkeypatch.setattr(hoa, "MAX_ENTRIES", 12)
-    assert hoa.parse_hoa(text()).accepts([{"a"}])
-    monkeypatch.setattr(hoa, "MAX_ENTRIES", 11)
+    monkeypatch.setattr(hoa_files, "MAX_ENTRIES", 12)
+    assert parse_hoa(text()).accepts([{"a"}])
+    monkeypatch.setattr(hoa_files, "MAX_ENTRIES", 11)
     assert "2 states x 4 letters are more than 11" in refusal(text())
+
+
+def test_the_depth_of_a_label_is_counted_anew_after_each_bracket() -> None:
+    deep = labels.MAX_LABEL_DEPTH
+    side_by_side = " & ".join(["(0)"] * (deep + 50))
+    assert parse_hoa(text(label=side_by_side)) == parse_hoa(text())
+    assert parse_hoa(text(label="!" * (deep // 2 * 2 - 2) + "0")) == parse_hoa(text())
+    for label in ("(" * (deep + 1) + "0" + ")" * (deep + 1), f"{side_by_side} & " + "!" * (deep + 2) + "0"):
+        assert f"deeper than {deep} levels" in refusal(text(label=label))

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from mutants import harness
+from mutants.judge import Case, judged
 from mutants.making import drawn, mutants
-from mutants.table import EQUIVALENT, MODULES
+from mutants.reach import Reach
+from mutants.table import EQUIVALENT, modules
 
 SOURCE = '''"""Docstring, 7 < 8."""
 from typing import Final
@@ -60,15 +61,49 @@ def test_a_mutant_differs_from_the_source_in_its_place_alone() -> None:
         assert changed == [one.line - 1]
 
 
-def test_every_module_of_the_table_has_tests_and_its_mutants_can_be_compiled() -> None:
-    for module, tests in MODULES.items():
-        assert all((harness.TESTS / name).is_file() for name in tests)
-        made = mutants(harness.file_of(module, harness.ROOT / "src").read_text(encoding="utf-8"), module)
-        assert made
+@pytest.mark.parametrize(
+    "source",
+    [
+        "log.info(1 + 1)",
+        "pairs = zip(a, b, strict=True)",
+        "text = dumps(a, indent=2)",
+        "def __repr__(self):\n    return 1 + 1",
+        "x = 1e-9",
+        "x = 1e-9 * max(a, 2)",
+        "x = a + 1e-9 * b",
+        "x = np.empty((2, 3))",
+        "x = f'{1 + 1}'",
+        "assert 1 < 2",
+    ],
+)
+def test_a_kind_that_is_left_out_has_no_mutants(source: str) -> None:
+    assert mutants(source) == []
+
+
+@pytest.mark.parametrize(
+    ("source", "tied"),
+    [
+        ("if a < b:\n    a = b", True),
+        ("if a < b:\n    b = c", False),
+        ("x = a if a > b else b", True),
+        ("x = a if a > b else c", False),
+        ("x = first <= end + ROUNDING", True),
+        ("x = first <= end + 1e-9", True),
+        ("x = first <= end", False),
+    ],
+)
+def test_strictness_is_left_out_where_equality_changes_nothing(source: str, tied: bool) -> None:
+    strict = {one.new for one in mutants(source) if {"<", "<=", ">", ">="} & set(one.new.split()[1:2])}
+    assert (not strict) == tied
+
+
+def test_mutants_of_every_module_can_be_compiled() -> None:
+    for module, file in modules().items():
+        made = mutants(file.read_text(encoding="utf-8"), module)
         for one in made[:: max(len(made) // 5, 1)]:
             compile(one.source, one.module, "exec")
     for module, stands, old, new in EQUIVALENT:  # a line that is gone needs no reason
-        made = mutants(harness.file_of(module, harness.ROOT / "src").read_text(encoding="utf-8"), module)
+        made = mutants(modules()[module].read_text(encoding="utf-8"), module)
         assert (module, stands, old, new) in {one.key for one in made}
 
 
@@ -81,22 +116,87 @@ def test_the_same_seed_draws_the_same_mutants(tmp_path: Path) -> None:
     assert len(drawn({"a": file}, 99, "1")) == len(mutants(SOURCE))
 
 
+SMALL = (
+    "LIMIT = 3\n\n\ndef part(a):\n    b = a + 1\n    return b < LIMIT\n\n\ndef other(a, b=2):\n    return a\n"
+)
+QUICK, SLOW, ONE = "tests/test_a.py::quick", "tests/test_a.py::slow", "tests/test_b.py::one"
+
+
+@pytest.fixture
+def reach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Reach:
+    """Of ``SMALL``: one test runs all of ``part``, another its first line, and the third ``other``."""
+    (tmp_path / "small.py").write_text(SMALL)
+    monkeypatch.setattr("mutants.reach.SOURCE", tmp_path)
+    found = Reach()
+    found.seconds = {QUICK: 0.1, SLOW: 2.0, ONE: 0.2}
+    found.lines = {"small.py": {5: [SLOW, ONE], 6: [SLOW], 10: [ONE]}}
+    return found
+
+
+@pytest.mark.parametrize(
+    ("old", "tests"),
+    [
+        ("a + 1", (ONE, SLOW, QUICK)),  # both that run the line, then the other one of their files
+        ("b < LIMIT", (SLOW, QUICK)),
+        ("3", (SLOW, QUICK)),  # of the module: where its name is used
+        ("2", (ONE,)),  # a default: where the function is run
+    ],
+)
+def test_a_mutant_meets_the_tests_that_run_its_line_and_others_of_their_file(
+    reach: Reach, tmp_path: Path, old: str, tests: tuple[str, ...]
+) -> None:
+    (one,) = [one for one in mutants(SMALL, "small") if one.old == old]
+    assert reach.tests(one, tmp_path / "small.py")[0] == tests
+
+
+def test_tests_are_chosen_as_far_as_time_reaches(reach: Reach, tmp_path: Path) -> None:
+    (one,) = [one for one in mutants(SMALL, "small") if one.old == "a + 1"]
+    assert reach.tests(one, tmp_path / "small.py", 1.0) == ((ONE,), 0.2)
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="the tests of a mutant run in a fork")
 def test_mutants_that_no_test_notices_are_told_and_a_loop_ends(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The tests of a module of two functions: one is tested, the other is not, and one mutant never ends."""
-    source, tests = tmp_path / "src", tmp_path / "tests"
-    source.mkdir()
-    tests.mkdir()
     code = (
-        "def one(n):\n    while n > 0:\n        n -= 1\n    return n\n\n\ndef other(a):\n    return a + a\n"
+        "LIMIT = 5\n\n\ndef one(n):\n    while n > 0:\n        n -= 1\n    return n\n\n\n"
+        "def other(a):\n    return a + a\n"
     )
-    (source / "small_module.py").write_text(code)
-    (tests / "test_small.py").write_text("from small_module import one\ndef test_it(): assert one(5) == 0\n")
-    for name, value in {"TESTS": tests, "ROOT": tmp_path, "MORE_TIME": (2.0, 2.0)}.items():
-        monkeypatch.setattr(harness, name, value)
-    alive = harness.survivors(mutants(code, "small_module"), {"small_module": ("test_small.py",)}, source)
-    assert [one.old for one in alive] == ["a + a"]
-    assert (source / "small_module.py").read_text() == code
-    assert capsys.readouterr().out.count("killed") == len(mutants(code)) - 1
+    file, test = tmp_path / "small_module.py", "tests/test_small.py"
+    file.write_text(code)
+    (tmp_path / "tests").mkdir()
+    (tmp_path / test).write_text(
+        "from small_module import LIMIT, one\ndef test_it(): assert one(LIMIT) == 0 and LIMIT == 5\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr("mutants.judge.MORE_TIME", (2.0, 2.0))
+    made = mutants(code, "small_module")
+    told: list[str] = []
+    verdicts = judged(
+        [Case(one, file, (f"{test}::test_it",), 0.1) for one in made],
+        tmp_path,
+        lambda case, verdict: told.append(case.mutant.old),
+    )
+    assert [one.old for one, verdict in verdicts.items() if not verdict.killed] == ["a + a"]
+    assert sorted(told) == sorted(one.old for one in made)
+    assert file.read_text() == code
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the tests of a mutant run in a fork")
+def test_a_test_that_fails_without_a_mutant_kills_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = "ONE = 1\n\n\ndef twice(a):\n    return a + a\n"
+    file, test = tmp_path / "smaller_module.py", "tests/test_smaller.py"
+    file.write_text(code)
+    (tmp_path / "tests").mkdir()
+    (tmp_path / test).write_text(
+        "from smaller_module import twice\n\n\n"
+        "def test_wrong(): assert twice(1) == 3\n\n\ndef test_none(): pass\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    names = tuple(f"{test}::{name}" for name in ("test_wrong", "test_none"))
+    made = [Case(one, file, names, 0.1) for one in mutants(code, "smaller_module")]
+    assert len(made) == 2
+    assert not any(one.killed for one in judged(made, tmp_path, lambda *_: None).values())

@@ -577,3 +577,16 @@ def test_a_limit_of_one_or_more_is_not_advised(risk, advised):
     with pytest.raises(InfeasibleError) as told:
         choose_path(SelectionConfig(rule="threshold", alpha=0.1), front)
     assert ("set selection.alpha=" in str(told.value)) == advised
+
+
+def test_a_length_below_one_has_the_shortest_path_as_its_unit():
+    """Lengths of 0.5 and 0.8 are 1 and 1.6: 0.6 of weight 0.4 outweighs 0.2 of the risk."""
+    front = front_of((0.3, 0.0, 0.5), (0.0, 0.0, 0.8))
+    assert chosen(front, rule="weighted", weights=[0.5, 0.0, 0.5])[2] == 0.5
+    assert chosen(front, rule="weighted", weights=[0.7, 0.0, 0.3])[2] == 0.8
+
+
+def test_a_length_of_zero_is_no_unit():
+    front = front_of((0.3, 0.0, 0.0), (0.0, 0.0, 0.4))
+    assert chosen(front, rule="weighted", weights=[0.5, 0.0, 0.5])[2] == 0.0
+    assert chosen(front, rule="weighted", weights=[0.6, 0.0, 0.4])[2] == 0.4

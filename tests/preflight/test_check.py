@@ -14,7 +14,7 @@ import pytest
 import pareto_ltl
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.reading import read_json
-from pareto_ltl.wind.sources import SAMPLE_FILE
+from pareto_ltl.support.resources import SAMPLE_WINDS
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.preflight.check import wind_at
 from quick_plan import QUICK_PLAN
@@ -31,7 +31,7 @@ NO_GO = 3
 
 def written(path: Path, change: Callable[[Row], None] = lambda _row: None, hours: float = 99.0) -> Path:
     """The packaged winds with leads, changed, for so many hours."""
-    with SAMPLE_FILE.open(newline="") as file:
+    with SAMPLE_WINDS.open(newline="") as file:
         rows: list[Row] = [dict(row) for row in csv.DictReader(line for line in file if line[0] != "#")]
     times = sorted({str(row["time"]) for row in rows})
     kept = [time for k, time in enumerate(times) if 3.0 * k <= hours]

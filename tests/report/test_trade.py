@@ -11,7 +11,7 @@ import shapely
 from drawn_world import front_of, plan_of, scene_of
 from pareto_ltl import Scene
 from pareto_ltl.extend import FailureRate, Front
-from pareto_ltl_apps.view.trade import looped_regions, trade_lines
+from pareto_ltl_apps.view.trade import Trade, looped_regions, trade_lines
 
 LENGTHS, FAILURES = (2.0e6, 1.95e6, 1.7e6, 1.5e6), (0.03, 0.04, 0.05, 0.5)
 
@@ -83,3 +83,37 @@ def test_a_loop_has_its_reason_where_paths_without_it_are_less_safe() -> None:
         "It turns in b, so that more flights meet it: 3.0 of 100 flights fail; of the safest path without "
         "that (point 1, 1,950.0 km) 4.0 of 100 flights"
     )
+
+
+def floored(front: Front, floor: float, ways: dict[int, list[list[float]]] | None = None) -> Trade:
+    """The trade of ``front`` with other first positions of some paths."""
+    paths = tuple(
+        replace(path, x=np.vstack([np.array(ways[k], float), path.x[5:] + 1e6]))
+        if ways and k in ways
+        else path
+        for k, path in enumerate(front.paths)
+    )
+    return Trade(one_region(scene_of(), 2.0), replace(front, paths=paths), floor)
+
+
+def test_the_shortest_path_that_the_law_cannot_tell_apart_is_named_first() -> None:
+    trade = floored(graded_front(), 0.06)  # points 0, 1 and 2 fail less often than the floor
+    told = "fewer than 6.0 of 100 flights fail too"
+    assert trade.lines(0) == [
+        f"Point 2 is 300.0 km (15 %) shorter: {told} (5 % instead of 3 % of the simulated ones)"
+    ]
+    rest = "50 instead of fewer than 6.0 of 100 flights fail, in the winds in which paths are compared"
+    assert trade.lines(2) == [f"Point 3 is 200.0 km (12 %) shorter: {rest}"]
+    assert not any("longer" in line for line in trade.lines(2))  # a safer one is not safer as far as is known
+    assert [line.startswith("Point 0") for line in floored(graded_front(), 0.0).lines(2)[1:]] == [True]
+
+
+def test_a_loop_below_the_floor_says_what_was_simulated() -> None:
+    there, straight = [[-9, 0], [0, 0], [9, 0], [9, 9], [0, 0]], [[-9, 0], [0, 0], [9, 0], [9, 1], [9, 2]]
+    trade = floored(graded_front(), 0.06, {0: there, **dict.fromkeys((1, 2, 3), straight)})
+    assert trade.lines(0)[-1] == (
+        "It turns in b, so that more flights meet it: of the simulated ones 3 % fail; of the safest path "
+        "without that (point 1, 1,950.0 km) 4 %; the data of the law cannot tell these rates apart"
+    )
+    assert not any("turns" in line for k in (1, 2, 3) for line in trade.lines(k))
+    assert trade.paragraphs()[0] == " ".join(f"{line}." for line in trade.lines(0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -57,6 +58,14 @@ def test_bumps_move_neither_the_departure_nor_the_end(detour: Any) -> None:
         assert np.abs(off).max() > 1.0
     largest = [int(np.hypot(*off.T).argmax()) for off in found]
     assert max(largest) == STEP
+    for off, k, way in zip(found, np.repeat([4, 8, 11, 15], 2), "lalalala", strict=True):
+        ahead = path.x[k] - path.x[k - 1]
+        ahead = ahead / np.hypot(*ahead)
+        way_of = np.array([-ahead[1], ahead[0]]) if way == "l" else ahead  # left of the track, or along it
+        peak = off[np.hypot(*off.T).argmax()]
+        np.testing.assert_allclose(peak / np.hypot(*peak), way_of, atol=1e-9)
+    reach = 0.5 * np.sqrt(np.linalg.eigvalsh(path.cov[STEP])[-1])
+    assert np.hypot(*found[-1][STEP]) == pytest.approx(reach)
 
 
 def test_airspeeds_are_within_their_limits_and_keep_their_directions(detour: Any) -> None:
@@ -93,3 +102,36 @@ def test_a_trunk_that_does_not_fail_less_is_not_taken(detour: Any, monkeypatch: 
     kept = stage.bent_if_better(grower, path, tree, 2, 500, SeedSequence(4))
     assert kept[0] is path
     assert kept[1] is tree
+
+
+def test_the_outlook_of_a_trunk_is_lower_than_its_failure_without_a_fix(detour: Any) -> None:
+    """Flights that return to the path fail less, and a fix that tells nothing lets none return better."""
+    grower, path, tree = detour
+    alone = float(grower.fitted.failed(path.u).mean())
+    assert alone > 0.02
+    told = stage.outlook(grower, path, tree.fix)
+    blind = stage.outlook(grower, path, replace(tree.fix, sd=1e6))
+    assert told < alone - 0.01
+    assert told < blind <= alone
+    assert stage.outlook(grower, path, replace(tree.fix, available=0.0)) == alone
+
+
+def test_a_second_time_is_tried_as_the_first_fix_only_if_the_first_does_not_pay(
+    detour: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    grower, path, tree = detour
+    later = replace(tree.fix, step=STEP + 4)
+    front: Any = SimpleNamespace(paths=(path,))
+    begun: list[int] = []
+
+    def begin(_: Grower, stem: Stem, fix: BranchFix) -> Tree:
+        begun.append(fix.step)
+        return replace(tree, stem=stem, fix=fix)
+
+    monkeypatch.setattr(Grower, "begun", begin)
+    monkeypatch.setattr(Grower, "grown", lambda self, tree: tree)
+    for pays, steps in ((2, [STEP]), (1, [STEP, STEP + 4])):
+        begun.clear()
+        monkeypatch.setattr(stage, "worthwhile_leaves", lambda _, pays=pays: pays)
+        found, number = stage.best_tree(grower, front, [(0, tree.fix), (0, later)], 2)
+        assert (begun, number, found.fix.step) == (steps, pays, STEP)

@@ -6,6 +6,7 @@ import csv
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,10 @@ from exports.test_lua import HEADING, commands, flight, needs_lua
 from lies.editing import Lie, edited, holds, in_json
 from pareto_ltl.extend import plan_on_branch, plans_on_branches
 from pareto_ltl.planning.plan_files import read_plan, write_plan
+from pareto_ltl.planning.records import Plan
 from pareto_ltl.run.plan_run import Run
+from pareto_ltl.run.plan_stage import branched
+from pareto_ltl.settings import BranchConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml
@@ -461,20 +465,29 @@ def test_a_lie_about_a_second_fix_is_caught(twice: Path, tmp_path: Path, lie: Li
 # --- bad input --------------------------------------------------------------------------------------
 
 
+def branched_again(made: Path, **branch: Any) -> Plan:
+    """The plan of ``made`` without its branches, branched by other settings: its front is not made again."""
+    run = Run.open(made)
+    plan = replace(run.plan, branching=None)
+    path = next(one for one in run.front.paths if np.array_equal(one.x, plan.path.x))
+    settings = replace(run.settings, branch=BranchConfig(leaves=2, **branch))
+    return branched(run.with_settings(settings), replace(plan, path=path))
+
+
 def test_what_cannot_branch_is_refused_in_one_line(made: Path, tmp_path: Path) -> None:
     def planned(**more: Any) -> Any:
         return pareto_ltl.plan("phi1", PHI1, **SMALL | more)
 
     with pytest.raises(ConfigError, match=r"branch\.at = 99 h is not within the plan.*give times"):
-        planned(branch={"leaves": 2, "at": [99.0]})
+        branched_again(made, at=[99.0])
     with pytest.raises(ConfigError, match=r"needs a position fix: branch\.at is empty and the map has no"):
-        planned(branch={"leaves": 2})
+        branched_again(made)
+    with pytest.raises(ConfigError, match=r"branch\.fixes = 2 needs two different times in branch\.at"):
+        branched_again(made, at=[5.0], fixes=2)
     with pytest.raises(ConfigError, match=r"always knows its position and needs no branches"):
         planned(branch={"leaves": 2, "at": [5.0]}, robot={"dt": 3600.0, "feedback_time": 60.0})
     with pytest.raises(ConfigError, match=r"needs fidelity\.law=coherent"):
         planned(branch={"leaves": 2, "at": [5.0]}, fidelity="paper")
-    with pytest.raises(ConfigError, match=r"branch\.fixes = 2 needs two different times in branch\.at"):
-        planned(branch={"leaves": 2, "at": [5.0], "fixes": 2})
     with pytest.raises(ConfigError, match=r"branch\.fixes = 2 has no effect with branch\.leaves = 1"):
         planned(branch={"at": [5.0, 9.0], "fixes": 2})
     with pytest.raises(ConfigError, match=r"branch\.fixes must"):
@@ -489,15 +502,16 @@ def test_what_cannot_branch_is_refused_in_one_line(made: Path, tmp_path: Path) -
         read_plan(plain)
 
 
-def test_a_fix_that_says_nothing_gives_no_branches(tmp_path: Path) -> None:
-    """Its error is a hundred times the drift: the plan stays one, and its files have no trace of branches."""
-    place = tmp_path / "poor"
-    run = pareto_ltl.plan("phi1", PHI1, out=place, branch={"leaves": 2, "at": [AT], "fix_sd": 1e6}, **SMALL)
-    assert run.plan.branching is None
-    assert json.loads((place / "plan.json").read_text())["schema"] == "pareto_ltl.plan/2"
-    assert not (place / "branch_cards.html").exists()
-    assert "branches do not pay" in (place / "run.log").read_text()
-    assert math.isfinite(run.plan.promise.rate.failure)  # type: ignore[union-attr]
+def test_a_fix_that_says_nothing_gives_no_branches(
+    made: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its error is a hundred times the drift: the plan stays one, and its file has no trace of branches."""
+    plan = branched_again(made, at=[AT], fix_sd=1e6)
+    assert plan.branching is None
+    assert "branches do not pay" in caplog.text
+    write_plan(tmp_path, plan)
+    assert json.loads((tmp_path / "plan.json").read_text())["schema"] == "pareto_ltl.plan/2"
+    assert math.isfinite(plan.promise.rate.failure)  # type: ignore[union-attr]
 
 
 def test_a_plan_branches_in_a_landmark_that_it_passes(tmp_path: Path) -> None:

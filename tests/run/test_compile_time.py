@@ -12,11 +12,12 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from pareto_ltl.run.compile_time import COSTS, CompileTime, seconds_text
+from pareto_ltl.run.compile_costs import COSTS
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.settings import PRESETS
 from pareto_ltl.support.resources import PACKAGE
 from typed_kernels import code_cache, code_files
+from typed_kernels.compile_time import CompileTime, seconds_text
 from typed_kernels.watching import compilation_begins, compilation_ends
 
 KERNELS = PACKAGE / "kernels"

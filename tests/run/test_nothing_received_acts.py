@@ -23,7 +23,6 @@ import pareto_ltl
 from documents import ROOT
 from map_files import GOAL, KML, START, WALL
 from pareto_ltl.extend import Frame
-from pareto_ltl.run.received import GRANTED, allowed_settings
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.fingerprints import file_hashes
@@ -32,6 +31,7 @@ from pareto_ltl.support.netcdf4 import refuse_other_files
 from pareto_ltl.wind.netcdf import read_netcdf
 from pareto_ltl_apps.cli.command_table import DIR, TOOL_COMMANDS
 from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.received import GRANTED, allowed_settings, granted_settings
 from quick_plan import QUICK_PLAN
 from received import (
     COMMANDS,
@@ -169,7 +169,7 @@ def test_every_setting_that_names_a_place_can_be_allowed_and_nothing_else() -> N
     assert all(key in Settings.by_key() for key in GRANTED)
     for words in (["planner.trees=3"], ["wind.path"], ["hydra.run.dir=x"]):
         with pytest.raises(pareto_ltl.ConfigError, match="the directory has all other settings"):
-            pareto_ltl.run.received.granted_settings(words)
+            granted_settings(words)
 
 
 def test_rerun_makes_a_result_again_whose_settings_the_user_sets_aside(
@@ -546,7 +546,7 @@ def test_show_opens_the_page_that_it_wrote_and_none_of_another_person(
 
 # --- the page of claims --------------------------------------------------------------------------
 
-CLAIM = re.compile(r"<!-- test: (?P<file>[\w/]+\.py)::(?P<name>\w+) -->")
+CLAIM = re.compile(r"<!--test:(?P<file>[\w/]+\.py)::(?P<name>\w+)-->")
 
 
 def test_each_claim_of_the_security_page_names_its_tests() -> None:

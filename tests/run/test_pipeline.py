@@ -143,7 +143,7 @@ def test_the_formula_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_each_wind_file_is_opened_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from pareto_ltl.wind.sources import csv_files
+    from pareto_ltl_apps.formats import csv_files
 
     opened: list[Path] = []
     original = csv_files.read_csv_file

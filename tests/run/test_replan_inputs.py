@@ -239,9 +239,9 @@ def forecast(
     place: Path, scale: float = 1.0, first: int = 3, hours: int = 36, shift: float = 0.0, add: float = 0.0
 ) -> Path:
     """The winds of the sample from an hour of 9 October on, times ``scale`` and more ``add`` [m/s]."""
-    from pareto_ltl.wind.sources import SAMPLE_FILE
+    from pareto_ltl.support.resources import SAMPLE_WINDS
 
-    head, *rows = SAMPLE_FILE.read_text(encoding="utf-8").splitlines()
+    head, *rows = SAMPLE_WINDS.read_text(encoding="utf-8").splitlines()
     names = head.split(",")
     times = sorted({row.split(",")[names.index("time")] for row in rows})[
         first // 3 : (first + hours) // 3 + 1

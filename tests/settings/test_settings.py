@@ -34,7 +34,7 @@ DECLARED = [
     for section in ALL
     for item, declared in declarations(section)
 ]
-RANGED = [case for case in DECLARED if case.values[2].range_text() and not case.values[2].choices]  # type: ignore[union-attr]
+RANGED = [case for case in DECLARED if case.values[2].range_text() and not case.values[2].built_in]  # type: ignore[union-attr]
 
 
 def made_with(section: CheckedSettings, name: str, value: Any) -> CheckedSettings:
@@ -85,14 +85,14 @@ def test_the_ends_of_a_range_are_in_it_or_out_as_declared(
 
 @pytest.mark.parametrize(
     ("section", "name", "declared"),
-    [case for case in DECLARED if case.values[2].choices],  # type: ignore[union-attr]
+    [case for case in DECLARED if case.values[2].built_in],  # type: ignore[union-attr]
 )
 def test_a_word_that_is_no_choice_is_refused_with_the_choices(
     section: Any, name: str, declared: Declaration
 ) -> None:
     with pytest.raises(ConfigError) as caught:
         made_with(section, name, "elsewhere")
-    listed = ", ".join(declared.choices)
+    listed = ", ".join(declared.built_in)
     assert str(caught.value) == f"{section.section}.{name} must be one of {listed}; got 'elsewhere'"
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.random import SeedSequence
+from scipy.integrate import quad
 from scipy.special import polygamma
 from scipy.stats import kurtosis, norm
 
@@ -57,8 +58,8 @@ def test_a_longer_flight_has_the_scales_of_a_shorter_one_first() -> None:
 
 def test_weighted_scales_give_the_law_back() -> None:
     (c, change), weight = weighted_scales(TAIL, 3, N, np.random.default_rng(3))
-    assert weight.max() <= 2.0
-    assert weight.mean() == pytest.approx(1.0, abs=6.0 / np.sqrt(N))
+    assert weight.max() <= 4.0
+    assert weight.mean() == pytest.approx(1.0, abs=6.0 * weight.std() / np.sqrt(N))
     s = np.sqrt(TAIL.flight**2 + TAIL.moment**2)
     for k in range(3):
         exact = norm.sf((np.log(3.0) + s[k] ** 2) / s[k])
@@ -175,3 +176,37 @@ def test_weighted_flights_agree_with_plain_ones() -> None:
     assert rate.high >= low
     gaussian = simulate_flights(replace(p, tail=None), path.u, 200_000, "coherent", SeedSequence(5), path.x)
     assert failed.sum() != gaussian.failed.sum()
+
+
+@pytest.mark.parametrize(
+    ("flight", "leads", "moment", "memory", "message"),
+    [
+        (0.1, [0.0, 1.0], [0.2], 1.0, "moment"),
+        (0.1, [], [], 1.0, "increase from 0"),
+        (0.1, [1.0, 2.0], [0.2, 0.2], 1.0, "increase from 0"),
+        (0.1, [0.0, 0.0], [0.2, 0.2], 1.0, "increase from 0"),
+        (-0.1, [0.0, 1.0], [0.2, 0.2], 1.0, "must not be negative"),
+        (0.1, [0.0, 1.0], [0.2, -0.2], 1.0, "must not be negative"),
+        (0.1, [0.0, 1.0], [0.2, 0.2], 0.0, "must not be negative"),
+        (1.25, [0.0, 1.0], [0.2, 0.2], 1.0, "spreads by more"),
+        (0.0, [0.0, 1.0], [0.2, 1.25], 1.0, "spreads by more"),
+        (0.9, [0.0, 1.0], [0.2, 0.9], 1.0, "spreads by more"),
+    ],
+)
+def test_a_scale_that_cannot_be_is_refused(
+    flight: float, leads: list[float], moment: list[float], memory: float, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        TailScale(flight, np.array(leads), np.array(moment), memory)
+
+
+def test_the_largest_scales_are_allowed() -> None:
+    assert TailScale(1.2, np.zeros(1), np.zeros(1), 1.0).spread(0.0) == 1.2
+    assert TailScale(0.0, np.zeros(1), np.array([1.2]), 1.0).spread(0.0) == pytest.approx(1.2)
+
+
+@pytest.mark.parametrize("x", [1e-5, 2e-4, 0.1, 1.0, 7.0])
+def test_a_mean_over_a_time_varies_as_its_double_integral_says(x: float) -> None:
+    """Var = 2 / x² times the integral of (x - r) exp(-r) over r from 0 to x."""
+    found, _ = quad(lambda r: 2.0 * (1.0 - r) * np.exp(-r * x), 0.0, 1.0)
+    assert float(TailScale.averaged(x)) == pytest.approx(found, rel=1e-6)

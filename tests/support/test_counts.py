@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import binom, binomtest, hypergeom
+from scipy.stats import binom, binomtest, hypergeom, norm
 
 from pareto_ltl.support.counts import (
     binomial_tail,
@@ -44,6 +44,21 @@ def test_the_difference_of_pairs_has_an_interval_that_covers() -> None:
         covered += low <= 0.1 <= high
     assert covered >= 355
     assert paired_difference(np.zeros(50, bool), np.zeros(50, bool))[0] == 0.0
+
+
+@given(st.integers(0, 60), st.integers(0, 60), st.integers(0, 60))
+def test_the_interval_of_pairs_is_the_normal_one_with_a_flight_more_of_each_kind(
+    b: int, c: int, both: int
+) -> None:
+    n = b + c + both + 1
+    first = np.array([False] * b + [True] * (c + both) + [False])
+    second = np.array([True] * b + [False] * c + [True] * both + [False])
+    middle, low, high = paired_difference(first, second)
+    more = np.array([1] * (b + 1) + [-1] * (c + 1) + [0] * (n - b - c), float)
+    half = norm.ppf(0.975) * more.std() / np.sqrt(n + 2)
+    assert middle == pytest.approx(second.mean() - first.mean())
+    assert low == pytest.approx(max(more.mean() - half, -1.0), abs=1e-6)
+    assert high == pytest.approx(min(more.mean() + half, 1.0), abs=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,14 @@ import json
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from desk import SMALL
+from pareto_ltl.extend import cost_named
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_verify.judge import verify
+from pareto_ltl_verify.page_texts import COSTS
 
 KEYS = {"plan.json": ("objectives", "turns"), "metrics.json": ("turns_deg",)}
 
@@ -46,3 +50,9 @@ def test_a_further_cost_that_was_changed_is_found(name: str, planned: Path) -> N
         assert broken_claims(planned) != []
     finally:
         (planned / name).write_bytes(before)
+
+
+@given(amount=st.floats(0.0, 1e9), name=st.sampled_from(sorted(COSTS)))
+def test_amounts_are_written_as_the_planner_writes_them(amount: float, name: str) -> None:
+    text, note = COSTS[name]
+    assert (text(amount), note) == (cost_named(name).text(amount), cost_named(name).note)

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
+from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_verify.claims.containment import RUNS, left_areas
 from pareto_ltl_verify.claims.flights import MAX_FLIGHTS, promised_rate
 from pareto_ltl_verify.claims.plan import WEIGHTED
-from pareto_ltl_verify.evidence import BATCH, open_evidence
-from pareto_ltl_verify.flights import RARE, same_rate
+from pareto_ltl_verify.evidence import BATCH, Evidence, open_evidence
+from pareto_ltl_verify.flights import RARE, fly, same_rate
+from pareto_ltl_verify.laws import fly_means
+from pareto_ltl_verify.rare import LARGEST, Barrier, Stored, direction, least_rate
+from pareto_ltl_verify.tails import UnitScales
 
 
 class Counted:
@@ -27,6 +34,7 @@ class Counted:
         }
         self.new_flights: dict[str, Any] = {"coherent": ()}
         self.flights = {"coherent/x": np.zeros((0, 2, 2))}
+        self.rare_failures = np.empty(0)
         self.ground = SimpleNamespace(failed=lambda x: np.zeros(len(x), bool))
 
     def new_failures(self, _law: str) -> Any:
@@ -74,6 +82,81 @@ def test_further_flights_fail_as_often_as_the_first_ones(honest: dict[str, Path]
     failed, runs = (sum(column) for column in zip(*batches, strict=True))
     assert same_rate(int(first.sum()), len(first), failed, runs) > RARE
     assert failed != int(first.sum())  # other random numbers
+
+
+# --- weighted flights ------------------------------------------------------------------------------
+
+
+def rare_plan(folder: Path, feedback: float | None = 300.0) -> Evidence:
+    """The result of a plan whose flights seldom fail: a robot that corrects its course."""
+    words = ["+experiment=phi1", f"robot.feedback_time={feedback}", "planner=quick", "report=none"]
+    run_command_line([*words, "exports=none", "deployment.runs=50", f"hydra.run.dir={folder}"])
+    return open_evidence(folder)
+
+
+@pytest.fixture(scope="module")
+def rare(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
+    return rare_plan(tmp_path_factory.mktemp("rare") / "result")
+
+
+@pytest.mark.statistical
+def test_the_promise_of_rare_failures_has_the_rate_of_other_weighted_flights(rare: Evidence) -> None:
+    promise, weights = rare.plan["promise"], rare.rare_failures
+    assert promise["method"] == WEIGHTED
+    error = 6.0 * weights.std() / math.sqrt(len(weights)) + 2.0 * (promise["high"] - promise["low"])
+    assert weights.mean() == pytest.approx(promise["failure"], abs=error)
+    assert weights.max() <= LARGEST
+    assert (weights > 0.0).sum() > 500  # most are drawn where flights fail
+    plain = rare.fly("coherent", rare.x, rare.u, 20_000, 5)
+    failed = int(rare.ground.failed(plain).sum())
+    assert binom.cdf(failed, 20_000, weights.mean()) > RARE
+    assert binom.sf(failed - 1, 20_000, weights.mean()) > RARE
+
+
+@pytest.mark.parametrize("factor", [1e-6, 0.3])
+def test_a_rare_promise_told_lower_is_contradicted_by_weighted_flights(rare: Evidence, factor: float) -> None:
+    """By weighted flights alone: plain ones, far too few here, would not see it."""
+    told: Any = Counted(0.0, factor * rare.plan["promise"]["low"], factor * rare.plan["promise"]["high"])
+    assert promised_rate(told).holds
+    told.rare_failures = rare.rare_failures
+    assert not promised_rate(told).holds
+    true: Any = Counted(0.0, rare.plan["promise"]["low"] / 1e3, rare.plan["promise"]["high"])
+    true.rare_failures = rare.rare_failures
+    assert promised_rate(true).holds
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_directions_have_the_deviations_of_the_course(rare: Evidence, held: bool) -> None:
+    """|ω|² is a' Cov(e_t) a, and what flights along ω do is what the linear law says."""
+    law = rare.law("coherent")
+    robot = law.robot if held else replace(law.robot, feedback_time=None)
+    law = replace(law, robot=robot)
+    course = fly_means(law, rare.x)
+    for t in (1, 7, len(course.u)):
+        a = np.array([0.6, -0.8])
+        omega = direction(law, course, Barrier(0.0, {t: a}), robot)
+        assert omega @ omega == pytest.approx(a @ course.cov[t] @ a, rel=1e-9)
+        little = np.stack([1e-3 * omega / np.linalg.norm(omega), np.zeros(len(omega))])
+        x = fly(law, rare.x, course.u, 2, Stored(little, UnitScales()))
+        assert (x[0, t] - x[1, t]) @ a == pytest.approx(1e-3 * np.linalg.norm(omega), rel=0.35)
+
+
+def test_least_rates_are_the_lower_ends_of_intervals() -> None:
+    hits = np.zeros(1000)
+    hits[:9] = 1.0
+    assert least_rate(hits, 0.025) == pytest.approx(4.12e-3, rel=0.02)  # Clopper-Pearson
+    assert least_rate(np.zeros(10), 0.025) == 0.0
+    assert least_rate(0.1 * hits, 0.025) == pytest.approx(0.1 * least_rate(hits, 0.025))
+
+
+def test_stored_numbers_are_given_in_order_and_once() -> None:
+    source = Stored(np.arange(12.0).reshape(2, 6), UnitScales())
+    np.testing.assert_array_equal(source.standard_normal((2, 2)), [[0, 1], [6, 7]])
+    np.testing.assert_array_equal(source.standard_normal((2, 4)), [[2, 3, 4, 5], [8, 9, 10, 11]])
+    with pytest.raises(IndexError, match="6 numbers"):
+        source.standard_normal((2, 1))
+    with pytest.raises(ValueError, match="one source"):
+        source.spawn(2)
 
 
 class Leaving:

@@ -101,3 +101,21 @@ def test_of_a_fine_grid_an_even_selection_is_picked_densest_near_the_scene(monke
     assert {tuple(cell) for cell in cells[counts == 400]} <= taken  # no degree square is empty
     few = lonlat[::400]
     assert len(box.pick(few)) == box.contains(few).sum()
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.integers(1, 30))
+def test_of_too_many_places_the_first_in_each_square_stays(seed, count, limit):
+    rng = np.random.default_rng(seed)
+    lonlat = rng.integers(0, 7, (count + 5, 2)) * [0.5, 1.0] + [10.0, -3.0]
+    rows = rng.permutation(count + 5)[:count]
+    found = area._one_a_cell(lonlat, rows, limit)  # noqa: SLF001
+    if count <= limit:
+        assert found is rows
+        return
+    east = (lonlat[rows, 0] - lonlat[rows, 0].min()) * np.cos(np.radians(lonlat[rows, 1].mean()))
+    north = lonlat[rows, 1] - lonlat[rows, 1].min()
+    side = np.sqrt(max(np.ptp(east) * np.ptp(north), 1e-12) / limit)
+    first = {}
+    for row, x, y in zip(rows.tolist(), east, north, strict=True):
+        first.setdefault((int(x // side), int(y // side)), row)
+    assert sorted(found.tolist()) == sorted(first.values())

@@ -17,17 +17,18 @@ from noaa import NOAA, ROOT, needs_noaa
 from pareto_ltl import Readings
 from pareto_ltl.extend import Frame
 from pareto_ltl.settings import IngestConfig, WindConfig
-from pareto_ltl.support import tables
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.resources import SAMPLE_WINDS
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.ingest import write_wind_table
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import farthest_points
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
+from pareto_ltl_apps.formats import tables
 from pareto_ltl_apps.formats.grib_files import grib_snapshots, grib_snapshots_apart
 from pareto_ltl_apps.formats.snapshots import latest_readings
+from pareto_ltl_apps.formats.wind_table import write_wind_table
 
 HOURS = ("2018-10-09T00:00:00Z", "2018-10-09T03:00:00Z", "2018-10-09T06:00:00Z")
 
@@ -927,12 +928,12 @@ def test_the_packaged_sample_is_what_ingest_writes(eccodes, tmp_path):
     when = {"first": "2018-10-09T00:00:00Z", "last": "2018-10-10T15:00:00Z"}
     out = ingested(grib(NOAA / "gfs_1p00_10m"), IngestConfig(**chosen, **when), tmp_path / "sample.csv")
     lines = [line.rsplit(",", 1) for line in out.read_text().splitlines()]
-    assert "\n".join(line[0] for line in lines) + "\n" == sources.SAMPLE_FILE.read_text()
+    assert "\n".join(line[0] for line in lines) + "\n" == SAMPLE_WINDS.read_text()
     assert lines[0][1] == "lead_hours"
     assert {line[0][11:13]: line[1] for line in lines[1:]} == {
         f"{hour:02d}": "0" if hour % 6 == 0 else "3" for hour in range(0, 24, 3)
     }
-    assert out.with_suffix(".json").read_bytes() == sources.SAMPLE_FILE.with_suffix(".json").read_bytes()
+    assert out.with_suffix(".json").read_bytes() == SAMPLE_WINDS.with_suffix(".json").read_bytes()
 
 
 @needs_noaa

@@ -12,8 +12,7 @@ import pytest
 import yaml
 
 from noaa import NOAA, ROOT, needs_noaa
-from pareto_ltl.settings.wind import WIND_SOURCES
-from pareto_ltl.wind.sources import sources
+from pareto_ltl.settings.wind import wind_sources
 from pareto_ltl_apps.cli.commands import run_command_line
 
 TEXT = (ROOT / "docs" / "wind.md").read_text()
@@ -21,7 +20,7 @@ COMMANDS = [
     " ".join(found.replace("\\\n", " ").split())
     for found in re.findall(r"^    (pareto-ltl plan (?:.*\\\n)*.*)$", TEXT, re.MULTILINE)
 ]
-LIVE = {f"wind={name}" for name, kind in WIND_SOURCES.items() if kind.live}  # test_live.py has a server
+LIVE = {f"wind={name}" for name, kind in wind_sources().items() if kind.live}  # test_live.py has a server
 OFFLINE = [command for command in COMMANDS if not LIVE & set(command.split())]
 STAGES = "pipelines.stages=[readings,scene,observations]"
 
@@ -68,14 +67,14 @@ def write_members(path: Path) -> None:
 
 
 def test_every_source_has_its_line_a_command_and_a_choice():
-    for name in sources():
+    for name in wind_sources():
         assert f"| `{name}` |" in TEXT
         if name == "given":  # an object in Python: no command has it
             continue
         choice = yaml.safe_load((ROOT / "conf" / "wind" / f"{name}.yaml").read_text())
         assert choice["source"] == name
     documented = {re.search(r"wind=(\w+)", command)[1] for command in COMMANDS}
-    assert documented == set(sources()) - {"sample", "calm", "given"}
+    assert documented == set(wind_sources()) - {"sample", "calm", "given"}
 
 
 @needs_noaa

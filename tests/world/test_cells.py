@@ -453,3 +453,17 @@ def test_a_spike_thinner_than_rounding_errors_is_no_part_of_an_obstacle(width, p
     assert sum(shapely.Polygon(part).area < 2.0 for part in made.obstacles) == parts - 1
     assert sum(shapely.Polygon(part).area for part in made.obstacles) == pytest.approx(2 + 3 * width)
     assert len(workspace.decompose(room([thin])).obstacles) == 1  # alone it is a wall
+
+
+def test_a_point_that_rounding_put_outside_is_in_the_nearest_cell() -> None:
+    side = 1e6
+    map_ = workspace.decompose(room(side=side, a=(box(0.0, 0.0, side / 2, side),)))
+    close = workspace.EDGE_FRACTION * side
+    for off in (-50.0, -1.0, 0.0, 1.0, 50.0):
+        west, east = [-off * close, side / 3], [side + off * close, side / 3]
+        found = workspace.cells_of_points(map_, np.array([west, east]))
+        assert map_.labels[found[0]] == {"a"}
+        assert map_.labels[found[1]] == set()
+    assert (
+        workspace.cells_of_points(map_, np.array([[-200 * close, 1.0], [side + 200 * close, 1.0]])) == -1
+    ).all()

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 import pareto_ltl
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.world.scene_edges import BEND, unwrapped
 from pareto_ltl.world.scene_sketch import Place
+from pareto_ltl_apps.formats.map_edges import BEND, unwrapped
 
 
 def box(west, south, east, north):

@@ -9,15 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pareto_ltl
-from pareto_ltl.logic import hoa
 from pareto_ltl.logic.automaton import translate
 from pareto_ltl.logic.formula import Formula, parse_formula
+from pareto_ltl.logic.hoa import hoa_text
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.mission import SceneConfig
 from pareto_ltl.support.errors import DataError, FormulaError
 from pareto_ltl.support.names import joined_names, name_fault, quoted_name, split_names
 from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.formats.hoa_files import read_hoa
 from pareto_ltl_verify.formula import read_formula
 from problems import box, make_scene
 
@@ -50,8 +51,8 @@ def test_names_of_one_word_stay_as_they_were() -> None:
 
 def test_an_automaton_keeps_the_names_in_its_file(tmp_path: Path) -> None:
     automaton = translate(" & ".join(f'F "{name}"' for name in NAMES[:3]))
-    (tmp_path / "m.hoa").write_text(hoa.hoa_text(automaton), encoding="utf-8")
-    assert hoa.read_hoa(tmp_path / "m.hoa").atoms == automaton.atoms == tuple(sorted(NAMES[:3]))
+    (tmp_path / "m.hoa").write_text(hoa_text(automaton), encoding="utf-8")
+    assert read_hoa(tmp_path / "m.hoa").atoms == automaton.atoms == tuple(sorted(NAMES[:3]))
 
 
 @pytest.mark.parametrize(

@@ -148,3 +148,22 @@ def test_windows_that_no_plan_meets_are_named():
 def test_a_span_is_told_in_the_largest_unit_that_fits_both_ends_and_is_read_again(span, text) -> None:
     assert shown_span(span) == text
     assert read_span(text) == span
+
+
+@given(
+    st.floats(-1e5, 1e5), st.floats(0.0, 1e5), st.floats(0.0, 1e5), st.floats(-1e5, 1e5), st.floats(0.0, 1e5)
+)
+def test_a_later_window_holds_at_the_same_moments(
+    begin: float, length: float, moment: float, first: float, stay: float
+) -> None:
+    window = Window("a", begin, begin + length)
+    later = window.later(moment)
+    assert later == Window("a", begin - moment, begin + length - moment)
+    assert Window("a").later(moment) == Window("a")
+    last = first + stay
+    assert window.meets(first, last) == (max(begin, first) - 1e-6 <= min(begin + length, last))
+    assert window.holds_at(first) == window.meets(first, first)
+    for inside in (begin, begin + length):
+        assert window.holds_at(inside)
+        assert window.meets(inside, inside + 1.0)
+        assert window.meets(inside - 1.0, inside)

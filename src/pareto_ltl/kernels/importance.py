@@ -60,10 +60,11 @@ class Directions(NamedTuple):
 
 
 class Mixture(NamedTuple):
-    """Density ratio of the proposal to N(0, I): plain + Σ_l share_l #{j : ω_j' z >= level_l τ_j}.
+    """Density ratio of the proposal to N(0, I): plain + Σ_l share_il #{j : c_i ω_j' z >= level_l τ_j}.
 
     Half-space j has τ = ``threshold[j]``, and ω_j' z = Σ_k ``weight[k]``' e at ``step[k]`` over the rows k
-    from ``ptr[j]`` to ``ptr[j + 1]``. ``level`` (L,) descends from 1; ``share`` (L,).
+    from ``ptr[j]`` to ``ptr[j + 1]``. ``level`` (L,) descends from 1. Flight i has the ``scale`` c_i (n,) of
+    its errors, and the ``share`` (n, L).
     """
 
     ptr: IntArray
@@ -71,6 +72,7 @@ class Mixture(NamedTuple):
     weight: FloatArray
     threshold: FloatArray
     level: FloatArray
+    scale: FloatArray
     share: FloatArray
     plain: float
 
@@ -117,15 +119,16 @@ def mixture_density(mixture: Mixture, e: FloatArray, density: FloatArray) -> Non
     Eq. (M64) of docs/mathematics_methods.md.
     """
     ptr, step, weight = mixture.ptr, mixture.step, mixture.weight
-    threshold, level, share = mixture.threshold, mixture.level, mixture.share
+    threshold, level, scale, share = mixture.threshold, mixture.level, mixture.scale, mixture.share
     for i in range(len(e)):
         total = mixture.plain
         for j in range(len(threshold)):
             reached = 0.0
             for k in range(ptr[j], ptr[j + 1]):
                 reached += weight[k, 0] * e[i, step[k], 0] + weight[k, 1] * e[i, step[k], 1]
+            reached *= scale[i]
             for l in range(len(level) - 1, -1, -1):  # noqa: E741
                 if reached < level[l] * threshold[j]:
                     break
-                total += share[l]
+                total += share[i, l]
         density[i] = total

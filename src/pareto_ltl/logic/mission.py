@@ -7,9 +7,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pareto_ltl.logic import hoa, patterns
+from pareto_ltl.logic import patterns
 from pareto_ltl.logic.automaton import Automaton, Letter, translate
 from pareto_ltl.logic.formula import check_names, disputed_reading, parse_formula
+from pareto_ltl.logic.hoa import automaton_formats
 from pareto_ltl.logic.normal_form import positive_normal_form
 from pareto_ltl.logic.timed import keep_clear, timed_letters
 from pareto_ltl.support.errors import ConfigError, DataError, FormulaError
@@ -64,7 +65,7 @@ def automaton_of(
     shown = list(labels) if labels is not None else None
     letters = timed_letters(shown, timed) if shown is not None and timed else shown
     if mission.automaton is not None:
-        result = hoa.read_hoa(mission.automaton, letters)
+        result = automaton_formats().read(mission.automaton, letters)
     else:
         result = translate(text, letters, max_states)
     if forbidden and letters is not None:
@@ -105,7 +106,7 @@ def _formula_atoms(text: str, known: set[str] | None) -> set[str]:
 
 def _file_atoms(path: str, known: set[str] | None) -> set[str]:
     """Propositions of an automaton file; DataError for one that is neither ``known`` nor a clock."""
-    atoms = hoa.read_atoms(path)
+    atoms = automaton_formats().atoms(path)
     missing = [
         name for name in atoms if known is not None and name not in known and not clock_windows([name])
     ]

@@ -24,7 +24,7 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
 from pareto_ltl.wind.records import FORECAST_PARTS, HELD, TIME, WindField
 
-TILT = 2.0  # shift of half of the weighted draws of (g, h_0), along the gradient of log c_0
+TILTS = np.array([0.0, 1.0, 2.0, 3.0])  # shifts of a quarter of the weighted draws each, see weighted_scales
 
 
 class ErrorTail(NamedTuple):
@@ -95,21 +95,28 @@ def draw_scales(tail: ErrorTail, epochs: int, runs: int, rng: Generator) -> Scal
 
 
 def weighted_scales(tail: ErrorTail, epochs: int, runs: int, rng: Generator) -> tuple[Scales, FloatArray]:
-    """Scales, in half of the flights large ones, and the weights of the flights (runs,).
+    """Scales, of which large ones are frequent, and the weights of the flights (runs,).
 
-    Half of the x = (g, h_0, g') are shifted by δ, of length ``TILT`` along (s_f, s_0, s). The density is
-    q = φ(x) (1 + exp(δ'x - δ²/2)) / 2, and the weight φ / q is at most 2.
+    The x = (g, h_0, g') of a flight are shifted by one of the δ_k of the lengths ``TILTS`` along
+    (s_f, s_0, s). The density is q = φ(x) mean_k exp(δ_k'x - δ_k²/2), and the weight φ / q is at most the
+    number of lengths, of which one is 0.
     """
     g, change = rng.standard_normal((2, runs))
     h = rng.standard_normal((epochs, runs))
     length = float(np.linalg.norm(tail.gradient))
     if length == 0.0:
         return _scales(tail, g, h, change), np.ones(runs)
-    shift = TILT / length * tail.gradient
-    shifted = rng.random(runs) < 0.5
-    g, h[0], change = g + shift[0] * shifted, h[0] + shift[1] * shifted, change + shift[2] * shifted
-    ratio = np.exp(shift @ np.stack([g, h[0], change]) - 0.5 * TILT**2)
-    return _scales(tail, g, h, change), 2.0 / (1.0 + ratio)
+    along, tilt = tail.gradient / length, rng.choice(TILTS, runs)
+    g, h[0], change = g + tilt * along[0], h[0] + tilt * along[1], change + tilt * along[2]
+    ratio = np.exp(np.outer(TILTS, along @ np.stack([g, h[0], change])) - 0.5 * TILTS[:, None] ** 2)
+    return _scales(tail, g, h, change), 1.0 / ratio.mean(axis=0)
+
+
+def typical_scale(tail: ErrorTail, scales: Scales) -> FloatArray:
+    """About how many times as large as without tails the deviations of flights with ``scales`` are, (n,)."""
+    if tail.scaled.any():
+        return np.asarray(np.sqrt((scales.forecasts**2).mean(axis=0)), float)
+    return scales.change
 
 
 def _scales(tail: ErrorTail, g: FloatArray, h: FloatArray, change: FloatArray) -> Scales:

@@ -210,7 +210,7 @@ def chosen_run(planned: Planned, choice: Choice, place: Path | None = None, argv
         return other
     table = stages_by_name(settings)
     left = [table[name] for name in settings.pipelines.stages if table[name].name not in (*KEPT, *RAW)]
-    if elsewhere := [stage.stage for stage in left if stage.study or stage.name == "table"]:
+    if elsewhere := [stage.stage for stage in left if stage.elsewhere]:
         raise DataError(
             f"{source}: the stages after its plan read or write files elsewhere ({', '.join(elsewhere)}), "
             "which the settings of a directory may not; run the whole pipeline with another selection.rule"

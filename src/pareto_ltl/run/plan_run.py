@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 from pareto_ltl.run import provenance
 from pareto_ltl.run.record import BaseRun, Record, record
 from pareto_ltl.run.required import require_formula, require_map
-from pareto_ltl.settings import RobotConfig, WindConfig
+from pareto_ltl.settings import RobotConfig, Settings, WindConfig
 from pareto_ltl.settings.building import read_settings_file
 from pareto_ltl.settings.heights import Height, flight_height
 from pareto_ltl.support.errors import ConfigError, DataError
@@ -224,14 +224,6 @@ class Run(BaseRun):
 
         return deploy_plan(self.settings.deployment, self.problem, plan, self.seeds("deployment"))
 
-    @record()
-    def table(self) -> Path:
-        """The wind table of ``pipelines=ingest``; its path is relative to the current folder."""
-        from pareto_ltl.wind.ingest import write_wind_table
-
-        ingest = self.settings.ingest
-        return write_wind_table(self.settings.wind, self.readings, ingest, Path(ingest.out))
-
     # --- a results directory ---
 
     @classmethod
@@ -245,15 +237,13 @@ class Run(BaseRun):
         DataError
             If the directory holds no run, or a link leads out of it.
         """
-        from pareto_ltl.run.received import inert
-
         directory = Path(directory)
         if not (directory / "run.json").is_file():
             raise DataError(f"{directory}: there is no run.json; name a results directory")
         refuse_links_out(directory)
         inputs = read_document(directory / "run.json", "run").get("inputs") or {}
         return cls(
-            inert(read_settings_file(directory / "config_resolved.yaml")),
+            _inert(read_settings_file(directory / "config_resolved.yaml")),
             directory=directory,
             read={str(name): str(digest) for name, digest in inputs.items()},
             stored=frozenset(name for name, row in cls.rows().items() if row.codec),
@@ -334,6 +324,15 @@ class UnpricedRun(Run):
 
 
 PLAN_STAGES = tuple(Run.rows().values())
+
+
+def _inert(settings: Settings) -> Settings:
+    """``settings`` that open no connection and continue no other run; no result depends on these."""
+    return replace(
+        settings,
+        evaluation=replace(settings.evaluation, cluster=None, resume=None),
+        wind=replace(settings.wind, base_url=None),
+    )
 
 
 def _check_sample(robot: RobotConfig, wind: WindConfig) -> None:

@@ -9,9 +9,10 @@ from contextvars import ContextVar
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from pareto_ltl.run.compile_time import COSTS, CompileTime, seconds_text
+from pareto_ltl.run.compile_costs import COSTS
 from pareto_ltl.support.machine import cores
 from pareto_ltl.support.resources import PACKAGE
+from typed_kernels.compile_time import CompileTime, seconds_text
 from typed_kernels.watching import compilation_watched
 
 if TYPE_CHECKING:

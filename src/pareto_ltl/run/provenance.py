@@ -111,7 +111,7 @@ def input_hashes(settings: Settings) -> dict[str, str]:
 
 def input_files(settings: Settings) -> list[Path]:
     """The files that a run reads, for its records; raises ``DataError`` if the wind files are missing."""
-    from pareto_ltl.world.map_file import map_formats
+    from pareto_ltl.world.map_formats import map_formats
 
     drawn = [settings.scene.file, *map(str, settings.scene.zones)] if settings.scene.file else []
     shown = [Path(name).expanduser() for name in drawn]

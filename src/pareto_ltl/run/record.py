@@ -54,6 +54,8 @@ class Record(Generic[T]):
         ``make`` writes the files itself, or there are none.
     study : bool
         It plans many missions, in ``evaluation.jobs`` processes, and may read and write files elsewhere.
+    elsewhere : bool
+        It writes files outside of the results directory, as studies may.
     """
 
     def __init__(
@@ -63,7 +65,7 @@ class Record(Generic[T]):
     ) -> None:  # fmt: skip
         self.make, self.writes, self.shows, self.later, self.codec = make, writes, shows, later, codec
         self.stage = stage or make.__name__
-        self.name, self.study = name or self.stage, study
+        self.name, self.study, self.elsewhere = name or self.stage, study, study
         self.__doc__ = make.__doc__
 
     def __set_name__(self, kind: type, name: str) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from pareto_ltl.settings.checks import (
@@ -57,7 +58,7 @@ from pareto_ltl.settings.studies import (
     ReplanningConfig,
     SitlConfig,
 )
-from pareto_ltl.settings.wind import WIND_SOURCES, WindConfig, usual_level
+from pareto_ltl.settings.wind import WindConfig, usual_level, wind_sources
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.medium import WATER, Medium, medium_of
 
@@ -150,6 +151,13 @@ class Settings(CheckedSettings):
 
         return settings_of(values)
 
+    @classmethod
+    def of_file(cls, path: Path, changes: Mapping[str, Any] | None = None) -> Settings:
+        """The settings that a run wrote as ``config_resolved.yaml``, with ``changes`` by ``section.key``."""
+        from pareto_ltl.settings.building import read_settings_file
+
+        return read_settings_file(path, changes)
+
     @staticmethod
     def unknown(section: str, name: str, known: Iterable[str]) -> ConfigError:
         """The error for ``name`` in ``section`` (``"planner."``), with the closest of the ``known`` names."""
@@ -193,7 +201,7 @@ class Settings(CheckedSettings):
     @property
     def medium(self) -> Medium:
         """Water for a current, whose level may lack the word depth, and for a robot at a depth; else air."""
-        kind = WIND_SOURCES.get(self.wind.source)
+        kind = wind_sources().get(self.wind.source)
         current = kind is not None and kind.current
         return WATER if current else medium_of(self.robot.level, self.wind.level)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import typing
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from copy import deepcopy
 from dataclasses import Field, dataclass, field, fields, is_dataclass
 from datetime import datetime
@@ -95,6 +95,8 @@ class Declaration:
         The setting is a list that must not be empty and must not hold a value twice.
     remark : str
         What the limits mean; printed in brackets after them.
+    kinds : callable or None
+        Returns further built-in choices, when they are needed first: the names in a table of kinds.
     group : str
         Group of entry points whose names are allowed in addition to ``choices`` (``support.extensions``).
     words : tuple of str
@@ -107,19 +109,25 @@ class Declaration:
     choices: tuple[str, ...] = ()
     distinct: bool = False
     remark: str = ""
+    kinds: Callable[[], Iterable[str]] | None = None
     group: str = ""
     words: tuple[str, ...] = ()
 
+    @property
+    def built_in(self) -> tuple[str, ...]:
+        """The choices that this package has."""
+        return (*self.choices, *(self.kinds() if self.kinds is not None else ()))
+
     def all_choices(self) -> tuple[str, ...]:
         """Built-in choices, then those that other installed packages add."""
-        return (*self.choices, *(extension_names(self.group) if self.group else ()))
+        return (*self.built_in, *(extension_names(self.group) if self.group else ()))
 
     def range_text(self) -> str:
         """The range in words, e.g. "at least 1"; empty if every value is allowed."""
         return " or ".join([self._number_range(), *self.words])
 
     def _number_range(self) -> str:
-        if self.choices:
+        if self.built_in:
             return f"one of {', '.join(self.all_choices())}"
         if not self.within:
             return ""
@@ -136,14 +144,14 @@ class Declaration:
         """The range as it follows "must" in an error message, e.g. "be positive [s]"."""
         text = self._number_range()
         verb = "lie" if text.startswith(("between", "in ")) else "be"
-        unit = f" [{self.unit}]" if self.unit and not self.choices else ""
+        unit = f" [{self.unit}]" if self.unit and not self.built_in else ""
         words = f" or be {' or '.join(self.words)}" if self.words else ""
         return f"{verb} {text}{unit}{words}"
 
     def allows(self, value: Any) -> bool:
         """Whether one value (for a list: one item) is in the range; False for NaN if there is a range."""
-        if self.choices:
-            return value in self.choices or value in self.all_choices()
+        if self.built_in:
+            return value in self.built_in or value in self.all_choices()
         if not self.range_text() or (isinstance(value, str) and value in self.words):
             return True
         if not is_finite(value) or not self.within:
@@ -277,13 +285,13 @@ def check_value(key: str, value: Any, declared: Declaration) -> None:
         _check_distinct(key, value, declared)
     for item in value if isinstance(value, list) and not declared.words else [value]:
         if (item is not None or declared.words) and not declared.allows(item):
-            found = "; got" if declared.choices else ", got"
+            found = "; got" if declared.built_in else ", got"
             raise ConfigError(f"{key} must {declared.demand()}{found} {shown_value(item)}")
 
 
 def _check_distinct(key: str, values: list[Any], declared: Declaration) -> None:
-    if not values and declared.choices:
-        raise ConfigError(f"{key} is empty: list at least one of {', '.join(declared.choices)}")
+    if not values and declared.built_in:
+        raise ConfigError(f"{key} is empty: list at least one of {', '.join(declared.built_in)}")
     if not values:
         raise ConfigError(f"{key} is empty: list at least one value, e.g. {key}=[1,2,3]")
     if len({str(value) for value in values}) < len(values):

@@ -2,62 +2,87 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pareto_ltl.settings.checks import CheckedSettings, check_time, setting
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.extensions import WIND_SOURCE_GROUP
+from pareto_ltl.support.extensions import FORMAT_GROUP, WIND_SOURCE_GROUP, installed_object
 from pareto_ltl.support.messages import shown_text, wrong_value
+
+if TYPE_CHECKING:
+    from pareto_ltl.wind.readings import Readings
 
 SELECTED, STATED = "selected", "stated"
 
 
-class SourceKind(NamedTuple):
-    """Properties of a value of ``wind.source``.
+@dataclass(frozen=True, slots=True)
+class WindSource:
+    """One value of ``wind.source``.
 
     Attributes
     ----------
-    reads_path : bool
-        Whether it reads ``wind.path``.
+    read : callable
+        Returns checked :class:`Readings` for the settings of the wind and the wanted part; raises a
+        DataError if a file is not valid.
+    files : callable
+        The files that ``read`` opens, for the records of a run; raises a DataError if there are none.
     forecast_error : str
         The value of ``wind.forecast_error=auto``, if the readings do not state their model.
-    level : str
-        ``selected``: the wind at ``wind.level`` is read from files that state levels. ``stated``: tables do
-        not state their level, ``wind.level`` does.
     modelled : bool
         The readings are fields of a weather model, whose age and analyses count; not observations. The
         packaged sample has analyses of one day only.
+    reads_path : bool
+        Whether a source of this package reads ``wind.path``.
+    level : str
+        ``selected``: the wind at ``wind.level`` is read from files that state levels. ``stated``: tables do
+        not state their level, ``wind.level`` does.
     current : bool
         The readings are currents of the sea.
     live : bool
         It downloads a forecast.
     """
 
-    reads_path: bool
-    forecast_error: str
-    level: str = SELECTED
+    read: Callable[[WindConfig, Any], Readings]
+    files: Callable[[WindConfig, Any], tuple[Path, ...]]
+    forecast_error: str = "gfs"
     modelled: bool = True
+    reads_path: bool = False
+    level: str = SELECTED
     current: bool = False
     live: bool = False
 
 
-WIND_SOURCES = {
-    "sample": SourceKind(reads_path=False, forecast_error="none", modelled=False),
-    "csv": SourceKind(reads_path=True, forecast_error="gfs", level=STATED),
-    "grib": SourceKind(reads_path=True, forecast_error="gfs"),
-    "netcdf": SourceKind(reads_path=True, forecast_error="gfs"),
-    "stations": SourceKind(reads_path=True, forecast_error="none", level=STATED, modelled=False),
-    **dict.fromkeys(
-        ("noaa", "nbm", "aigfs", "aigefs", "ifs", "aifs"),
-        SourceKind(reads_path=False, forecast_error="gfs", live=True),
-    ),
-    "rtofs": SourceKind(reads_path=False, forecast_error="currents", current=True, live=True),
-    "currents": SourceKind(reads_path=True, forecast_error="currents", current=True),
-    "ensemble": SourceKind(reads_path=True, forecast_error="gfs"),
-    "given": SourceKind(reads_path=False, forecast_error="gfs"),
-    "calm": SourceKind(reads_path=False, forecast_error="none"),
-}  # wind/sources has the reader of each, pareto_ltl_verify/wind_tables.py what verify knows
+class WindFormats(NamedTuple):
+    """The readers of files of others: the object ``winds`` of the entry points ``pareto_ltl.formats``.
+
+    Attributes
+    ----------
+    sources : mapping of str to WindSource
+        The values of ``wind.source``.
+    source_of_path : callable
+        The value of ``wind.source`` for a file, a folder or a pattern; DataError if there is none.
+    """
+
+    sources: Mapping[str, WindSource]
+    source_of_path: Callable[[str | Path], str]
+
+
+@lru_cache
+def wind_formats() -> WindFormats:
+    """The installed readers of wind files."""
+    found: WindFormats = installed_object(FORMAT_GROUP, "winds")
+    return found
+
+
+def wind_sources() -> Mapping[str, WindSource]:
+    """The values of ``wind.source``, without the sources of other packages."""
+    return wind_formats().sources
+
+
 LAW_WORDS = ("auto", "none", "gfs", "icon_eu", "ecmwf_class", "hourly_fine", "currents", "gfs_one_part")
 NOAA_MODELS = ("gfs", "hrrr", "gefs")
 GP_KERNELS = ("matern12", "matern32", "rbf")
@@ -67,9 +92,7 @@ GP_KERNELS = ("matern12", "matern32", "rbf")
 class WindConfig(CheckedSettings, section="wind"):
     """Wind readings, the Gaussian process that is fitted to them, and the modes of its error."""
 
-    source: str = setting(
-        "sample", "where readings come from", choices=tuple(WIND_SOURCES), group=WIND_SOURCE_GROUP
-    )
+    source: str = setting("sample", "where readings come from", kinds=wind_sources, group=WIND_SOURCE_GROUP)
     path: str | None = setting(None, "file, folder or pattern, for the sources that read files")
     kernel: str = setting("matern12", "kernel of the Gaussian process", choices=GP_KERNELS)
     noise_min: float = setting(
@@ -148,7 +171,7 @@ class WindConfig(CheckedSettings, section="wind"):
 
     def check_combinations(self) -> None:
         """Refuse a source without its file, a cycle that is not a time and an address that is not HTTP(S)."""
-        kind = WIND_SOURCES.get(self.source)
+        kind = wind_sources().get(self.source)
         if kind is not None and kind.reads_path and not self.path:
             raise ConfigError(f"wind.path is missing: wind.source={self.source} needs a file to read")
         if kind is not None and not kind.reads_path and self.path:
@@ -156,7 +179,7 @@ class WindConfig(CheckedSettings, section="wind"):
                 f"wind.path={shown_text(self.path)} is not read by wind.source={self.source}: leave out "
                 f"wind={self.source}, and the source follows from the file, or leave out wind.path"
             )
-        if self.model != NOAA_MODELS[0] and self.source in WIND_SOURCES and self.source != "noaa":
+        if self.model != NOAA_MODELS[0] and self.source in wind_sources() and self.source != "noaa":
             raise ConfigError(f"wind.model={self.model} is of wind=noaa, and wind.source is {self.source}")
         if self.cycle != "newest":
             check_time("wind.cycle", self.cycle)
@@ -166,12 +189,12 @@ class WindConfig(CheckedSettings, section="wind"):
     @property
     def reads_path(self) -> bool:
         """Whether the source, one of this package, reads ``wind.path``."""
-        kind = WIND_SOURCES.get(self.source)
+        kind = wind_sources().get(self.source)
         return kind is not None and kind.reads_path
 
     def instead_of(self, before: WindConfig) -> WindConfig:
         """These settings; where a table that states no level replaces files, without their level."""
-        kind = WIND_SOURCES.get(self.source)
+        kind = wind_sources().get(self.source)
         if self.source == before.source or kind is None or kind.level != STATED:
             return self
         return replace(self, level=usual_level(self.source, before.level))
@@ -183,7 +206,8 @@ def usual_level(source: str, flown: str | None) -> str:
     A table for a robot in the water has the current at its depth. The height of the winds in other tables is
     not known from the height of the robot: it is 10 m unless ``wind.level`` states it.
     """
-    level = WIND_SOURCES[source].level if source in WIND_SOURCES else SELECTED
+    kind = wind_sources().get(source)
+    level = SELECTED if kind is None else kind.level
     if flown and (level == SELECTED or (level == STATED and "depth" in flown)):
         return flown
-    return "0m" if source in WIND_SOURCES and WIND_SOURCES[source].current else "10m"
+    return "0m" if kind is not None and kind.current else "10m"

@@ -9,7 +9,8 @@ themselves decide how far away failures begin.
 2. Where a flight fails, one event binds its margin (:mod:`pareto_ltl.kernels.margin`): a point of the flight
    lies on the wrong side of a line. Its normal is a linear form of the deviations, and gives ω. A robot whose
    airspeed does not suffice deviates as one with less feedback, so the form is also taken of the deviations
-   with half and with none of the feedback.
+   with half and with none of the feedback. Headwinds over some steps in a row are looked for as well: pilots
+   whose draws are all enlarged alike seldom have them.
 3. Along each ω flights z = ω r are flown, and τ is the first r at which they fail.
 4. Of half-spaces that are nearly parallel, the most likely one is retained.
 
@@ -47,8 +48,11 @@ PILOTS = 500  # common flights whose events are looked for
 ENLARGED = np.arange(1.0, 6.1, 0.5)  # factors of their draws
 MAX_EVENTS = 200  # events that are examined
 FEEDBACK = (1.0, 0.5, 0.0)  # shares of the feedback with which a failed flight may have deviated
+SPANS = (3, 10, 30)  # steps of a headwind in which the robot cannot keep up; and the whole plan
 FAR = 9.0  # standard deviations: a half-space farther away is left out, its probability is 1e-19
-RAY = np.arange(0.0, FAR + 0.01, 0.25)  # flights along a direction, and then halvings between two of them
+LARGE = 3.0  # scale of errors with tails up to which half-spaces are kept: they are left out beyond LARGE FAR
+NEAR_RAY = np.arange(0.0, FAR + 0.01, 0.25)  # flights along a direction, then halvings between two of them
+FAR_RAY = np.append(NEAR_RAY, np.arange(FAR + 1.0, LARGE * FAR + 0.01, 1.0))
 HALVINGS = 24
 SAME, ALIKE = 0.995, 0.9  # correlations of directions that are flown once, and of half-spaces retained once
 KEPT = 1.0 - 1e-6  # share of the sum of probabilities that is retained
@@ -155,7 +159,10 @@ def find_failure_modes(plan: FlownPlan) -> FailureModes:
     none = FailureModes(np.empty((0, *plan.mean.shape)), np.empty(0))
     if plan.sd == 0.0:
         return none
-    forms = less_held_forms(plan, _event_normals(plan, _first_failures(plan)))
+    feedback = FEEDBACK if plan.problem.motion.gain > 0.0 else (1.0,)
+    forms = less_held_forms(plan, _event_normals(plan, _first_failures(plan)), feedback)
+    if plan.problem.motion.gain > 0.0:
+        forms = np.concatenate([forms, less_held_forms(plan, headwinds(plan.path.u), (0.0,))])
     omega = _joined(directions_of(plan.linear, forms))
     sd = np.linalg.norm(omega, axis=1)
     varies = sd > 0.0
@@ -164,13 +171,15 @@ def find_failure_modes(plan: FlownPlan) -> FailureModes:
     weight, omega = weight[flown], omega[flown]
     if not len(weight):
         return none
-    threshold = _first_failing(plan, directions_of(plan.linear, weight))
+    tails = plan.problem.tail is not None and plan.problem.fidelity.law == "coherent"
+    directions, ray = directions_of(plan.linear, weight), FAR_RAY if tails else NEAR_RAY
+    threshold = _first_failing(plan, directions, ray)
     if (threshold == 0.0).any():
         return none
     order = np.argsort(threshold, kind="stable")
     order = order[np.isfinite(threshold[order])]
     order = order[_unlike(omega[order], ALIKE)]
-    chance = np.cumsum(ndtr(-threshold[order]))
+    chance = np.cumsum(ndtr(-threshold[order] / (LARGE if tails else 1.0)))
     if not len(chance):
         return none
     order = order[: int(np.searchsorted(chance, KEPT * chance[-1])) + 1]
@@ -209,8 +218,24 @@ def _event_normals(plan: FlownPlan, x: FloatArray) -> FloatArray:
     return normals
 
 
-def less_held_forms(plan: FlownPlan, normals: FloatArray) -> FloatArray:
-    """Σ_t ``normals[k, t]``' of the deviations with less feedback, as forms (m, T+1, 2) of e.
+def headwinds(u: FloatArray) -> FloatArray:
+    """Forms (m, T+1, 2) of the deviations without feedback: how far winds against ``u`` (T, 2) set it back.
+
+    Each is over the steps of one of ``SPANS``, or over all.
+    """
+    steps, forms = len(u), []
+    ahead = u / np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-12)
+    for span in (*(n for n in SPANS if n < steps), steps):
+        for first in range(0, steps - span + 1, max(1, span // 2)):
+            form, within = np.zeros((steps + 1, 2)), slice(first, first + span)
+            form[within] += ahead[within]
+            form[first + 1 : first + span + 1] -= ahead[within]
+            forms.append(form)
+    return np.array(forms).reshape(-1, steps + 1, 2)
+
+
+def less_held_forms(plan: FlownPlan, normals: FloatArray, feedback: tuple[float, ...]) -> FloatArray:
+    """Σ_t ``normals[k, t]``' of the deviations with shares of the feedback, as forms (m, T+1, 2) of e.
 
     The wind of a step adds d_t = e_{t+1} - F_t e_t. With less feedback the deviations are ẽ_{t+1} = G_t ẽ_t
     + d_t. Backwards from q_T = g_T, with q_t = G_t' q_{t+1} + g_t,
@@ -220,7 +245,7 @@ def less_held_forms(plan: FlownPlan, normals: FloatArray) -> FloatArray:
     Eq. (M63) of docs/mathematics_methods.md.
     """
     made = []
-    for share in FEEDBACK if plan.problem.motion.gain > 0.0 else (1.0,):
+    for share in feedback:
         form, q = normals.copy(), normals[:, -1]
         for t in range(len(plan.linear.F) - 1, -1, -1):
             F = plan.linear.F[t]
@@ -231,14 +256,18 @@ def less_held_forms(plan: FlownPlan, normals: FloatArray) -> FloatArray:
     return np.concatenate(made)
 
 
-def _first_failing(plan: FlownPlan, directions: kernel.Directions) -> FloatArray:
-    """The first r (J,) at which flights along each direction fail; 0 if the plan does, infinite if none."""
+def _first_failing(plan: FlownPlan, directions: kernel.Directions, ray: FloatArray) -> FloatArray:
+    """The first r (J,) at which flights along each direction fail; 0 if the plan does, infinite if none.
+
+    Of the lengths ``ray``, and between two of them.
+    """
     count = len(directions.start)
-    rows, sizes = np.repeat(np.arange(count), len(RAY)), np.tile(RAY, count)
+    rows, sizes = np.repeat(np.arange(count), len(ray)), np.tile(ray, count)
     failed = plan.fly_along(directions, rows, sizes).reshape(count, -1)
-    high = np.where(failed.any(axis=1), RAY[failed.argmax(axis=1)], math.inf)
+    first = failed.argmax(axis=1)
+    high = np.where(failed.any(axis=1), ray[first], math.inf)
     between = np.flatnonzero(np.isfinite(high) & (high > 0.0))
-    low = high[between] - RAY[1]
+    low = ray[first[between] - 1]
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high[between])
         fails = plan.fly_along(directions, between, middle)

@@ -22,6 +22,9 @@ taken with thresholds lowered to s_l τ_j, s_l <= 1, and a share α of the fligh
 The mean of 1{z_i fails} φ(z_i) / q(z_i) over draws from q is unbiased whatever the half-spaces are, and for
 the law in which the simulator decides whether z fails: nonlinear winds. No weight exceeds 1 / α. The
 half-spaces only decide how many draws are needed.
+
+Errors with tails have a scale c that is drawn first (:mod:`pareto_ltl.planning.error_tail`). Given c, the
+deviations are about c times as large, and τ_j / c stands for τ_j.
 """
 
 from __future__ import annotations
@@ -34,7 +37,7 @@ from numpy.random import Generator, SeedSequence
 from scipy.special import gammaincinv, ndtr, ndtri
 
 from pareto_ltl.kernels import importance as kernel
-from pareto_ltl.planning.error_tail import scaled_fields, weighted_scales
+from pareto_ltl.planning.error_tail import TILTS, scaled_fields, typical_scale, weighted_scales
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.rates import WEIGHTED, FailureRate
 from pareto_ltl.planning.records import PlannedPath
@@ -92,17 +95,18 @@ class Proposal:
     directions: kernel.Directions
     ladder: Ladder = LADDER
 
-    @property
-    def bounds(self) -> FloatArray:
-        """Σ_j Φ(-s_l τ_j) of each level, (L,)."""
-        return np.asarray(ndtr(-np.outer(self.ladder.level, self.modes.threshold)).sum(axis=1), float)
+    def chances(self, scale: FloatArray) -> FloatArray:
+        """Φ(-s_l τ_j / c) of each level and half-space for flights of ``scale`` c (n,), (n, L, J)."""
+        reach = np.outer(self.ladder.level, self.modes.threshold)
+        return np.asarray(ndtr(-reach / scale[:, None, None]), float)
 
-    def mixture(self) -> kernel.Mixture:
-        """The half-spaces and levels in the form of the kernel."""
+    def mixture(self, scale: FloatArray, chances: FloatArray) -> kernel.Mixture:
+        """The half-spaces and levels in the form of the kernel, for flights of ``scale`` (n,)."""
         event, step = np.nonzero(self.modes.weight.any(axis=2))
         return kernel.Mixture(
             np.searchsorted(event, np.arange(len(self.modes) + 1)), step, self.modes.weight[event, step],
-            self.modes.threshold, self.ladder.level, self.ladder.share / self.bounds, self.ladder.plain,
+            self.modes.threshold, self.ladder.level, scale, self.ladder.share / chances.sum(axis=2),
+            self.ladder.plain,
         )  # fmt: skip
 
 
@@ -140,8 +144,8 @@ def weighted_rate(problem: Problem, path: PlannedPath, draws: int, seed: SeedSeq
 
 
 def least_share(problem: Problem, ladder: Ladder) -> float:
-    """One over the largest weight that a draw can have: a law with tails doubles it."""
-    return ladder.plain / (1.0 if problem.tail is None else 2.0)
+    """One over the largest weight that a draw can have, which a law with tails multiplies."""
+    return ladder.plain / (1.0 if problem.tail is None else len(TILTS))
 
 
 def weighted_interval(weights: FloatArray, plain: float, confidence: float = 0.95) -> tuple[float, float]:
@@ -193,21 +197,20 @@ def weighted_flights(
     flights, whatever the number of threads.
     """
     weights, failed = np.empty(draws), np.empty(draws, bool)
-    plan, mixture, choices = proposal.plan, proposal.mixture(), component_choices(proposal)
-
+    plan = proposal.plan
     tail = plan.problem.tail if plan.problem.fidelity.law == "coherent" else None
 
     def one(rows: slice, child: SeedSequence) -> None:
         n, rng = rows.stop - rows.start, np.random.default_rng(child)
-        z = draw_proposal(proposal, choices, n, rng)
+        size, weight, scales = np.ones(n), np.ones(n), None
+        if tail is not None:
+            scales, weight = weighted_scales(tail, len(plan.linear.kept), n, rng)
+            size = typical_scale(tail, scales)
+        z, density = draw_proposal(proposal, size, rng)
+        weights[rows] = weight / density
         theta = linked_fields(plan.linear, z)
-        density = np.empty(n)
-        kernel.mixture_density(mixture, linear_deviations(plan.linear, z, theta), density)
-        weights[rows] = 1.0 / density
-        if tail is not None:  # z and the scales are independent
-            scale, weight = weighted_scales(tail, len(theta), n, rng)
-            weights[rows] *= weight
-            theta = scaled_fields(tail, theta, scale)
+        if tail is not None and scales is not None:
+            theta = scaled_fields(tail, theta, scales)
         flown, failed[rows] = plan.fly(z, theta)
         if x is not None:
             x[rows] = flown
@@ -217,25 +220,27 @@ def weighted_flights(
     return weights, failed
 
 
-def component_choices(proposal: Proposal) -> FloatArray:
-    """Cumulative probabilities of the components: level by level the half-spaces, then the plain flights."""
-    ladder, modes = proposal.ladder, proposal.modes
-    chance = ndtr(-np.outer(ladder.level, modes.threshold))
-    shares = ladder.share[:, None] * chance / chance.sum(axis=1, keepdims=True)
-    return np.asarray(np.cumsum([*shares.ravel(), ladder.plain]), float)
+def draw_proposal(
+    proposal: Proposal, scale: FloatArray, rng: Generator
+) -> tuple[kernel.NormalDraws, FloatArray]:
+    """Vectors z for flights of ``scale`` (n,) from the mixture, and its densities q / φ at them (n,).
 
-
-def draw_proposal(proposal: Proposal, choices: FloatArray, n: int, rng: Generator) -> kernel.NormalDraws:
-    """``n`` vectors z from the mixture: z ~ N(0, I), pushed along ω of a half-space into it.
+    z ~ N(0, I) is pushed along ω of a half-space into it.
 
     Eq. (M64) of docs/mathematics_methods.md.
     """
-    law, modes = proposal.plan.linear, proposal.modes
-    component = np.searchsorted(choices, rng.random(n) * choices[-1], side="right")
-    level, event = np.divmod(np.minimum(component, len(choices) - 1), len(modes))
-    plain = level == len(proposal.ladder.level)
-    tau = np.where(plain, 0.0, np.append(proposal.ladder.level, 0.0)[level] * modes.threshold[event])
+    law, modes, ladder, n = proposal.plan.linear, proposal.modes, proposal.ladder, len(scale)
+    chances = proposal.chances(scale)
+    shares = np.append(ladder.share, ladder.plain)
+    level = rng.choice(len(shares), n, p=shares / shares.sum())
+    plain, rung = level == len(ladder.level), np.minimum(level, len(ladder.level) - 1)
+    sums = chances[np.arange(n), rung].cumsum(axis=1)
+    event = np.minimum((sums < rng.random((n, 1)) * sums[:, -1:]).sum(axis=1), len(modes) - 1)
+    tau = np.where(plain, 0.0, ladder.level[rung] * modes.threshold[event] / scale)
     size = -ndtri((1.0 - rng.random(n)) * ndtr(-tau))  # r ~ N(0, 1) given r >= τ, by inversion
     z = normal_draws(law, n, rng)
     kernel.push_draws(proposal.directions, np.where(plain, -1, event), size, z)
-    return z
+    density = np.empty(n)
+    e = linear_deviations(law, z, linked_fields(law, z))
+    kernel.mixture_density(proposal.mixture(scale, chances), e, density)
+    return z, density

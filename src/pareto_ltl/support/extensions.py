@@ -3,7 +3,7 @@
 ``pareto_ltl.stages``           a ``Record`` that pipelines can list (``run/record.py``)
 ``pareto_ltl.stage_tables``     a tuple of such records, which every pipeline knows: stages of applications
 ``pareto_ltl.interface``        a function or class that ``pareto_ltl`` gives under that name
-``pareto_ltl.formats``          what reads the files of others: ``maps``, ``winds``
+``pareto_ltl.formats``          what reads the files of others: ``maps``, ``winds``, ``automata``
 ``pareto_ltl.commands``         the command line, ``pareto-ltl``
 ``pareto_ltl.wind_sources``     a ``WindSource`` (``wind/sources``)
 ``pareto_ltl.patterns``         a function from ``MissionConfig`` to a formula (``logic/patterns.py``)

@@ -9,6 +9,7 @@ from pareto_ltl.support.extensions import extension_folders
 from pareto_ltl.support.messages import shown_value
 
 PACKAGE = Path(__file__).resolve().parents[1]
+SAMPLE_WINDS = PACKAGE / "support" / "data" / "gfs_conus_20181009.csv"
 
 
 def checkout() -> Path | None:

@@ -45,35 +45,6 @@ def local_plane(lat: float, lon: float) -> str:
     return f"+proj=stere +lat_0={lat:.10g} +lon_0={lon:.10g} +k=1 +datum=WGS84 +units=m +no_defs"
 
 
-def degrees_of(where: str, crs: str, points: FloatArray) -> FloatArray:
-    """Longitude and latitude (N, 2) [deg] of ``points`` (N, 2) in the system ``crs``, e.g. ``EPSG:3857``.
-
-    The order of the axes is east, north (or longitude, latitude), also if ``crs`` defines another order.
-
-    Raises
-    ------
-    DataError
-        If the system is unknown or a point lies outside of it; ``where`` begins the message.
-    """
-    import pyproj
-
-    refuse_files(crs)
-    try:
-        change = pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
-    except pyproj.exceptions.ProjError:
-        raise DataError(
-            f"{where}: PROJ does not know the crs {shown_value(crs)}; convert the map to "
-            "longitude and latitude and leave crs out"
-        ) from None
-    lonlat = np.column_stack(change.transform(points[:, 0], points[:, 1]))
-    if not np.isfinite(lonlat).all():
-        x, y = points[~np.isfinite(lonlat).all(axis=1)][0]
-        raise DataError(
-            f"{where}: ({x:.6g}, {y:.6g}) lies outside of crs {shown_value(crs)}; check the units"
-        )
-    return lonlat
-
-
 @lru_cache(maxsize=32)
 def _cached_projection(crs: str) -> pyproj.Proj:
     import pyproj  # takes 0.2 s, and planar scenes do not need it

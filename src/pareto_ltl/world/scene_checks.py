@@ -78,6 +78,9 @@ def checked_scene(sketch: SceneSketch, rules: DrawingRules) -> Scene:
 
 def check_parts(sketch: SceneSketch) -> None:
     """Raise a DataError for the faults of a map that may lack its start or regions."""
+    if len(sketch.start) and sketch.regions:
+        checked_scene(sketch, DrawingRules())
+        return
     faults = Faults(sketch.where, sketch.faults)
     if np.ptp(sketch.bounds, axis=0).min() == 0.0:  # a start alone
         faults.refuse()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -16,20 +16,14 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.files import write_json
 from pareto_ltl.support.messages import shown_text, shown_value
-from pareto_ltl.support.reading import Advice
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.cells import Decomposition
-from pareto_ltl.world.map_file import SCENE_FILES, MapFile, needs_a_map, read_map_file
+from pareto_ltl.world.map_formats import MapFormats, map_formats
 from pareto_ltl.world.scene import AbsentPlace, Scene, read_fix
-from pareto_ltl.world.scene_features import FeatureReader
-from pareto_ltl.world.scene_geojson import sketch_features
-from pareto_ltl.world.scene_roles import RoleRules
 from pareto_ltl.world.scene_shapes import refuse_crossings
 from pareto_ltl.world.scene_sketch import Place, SceneSketch
 from pareto_ltl.world.windows import TimedPlace, Window
-
-ZONE_FILES = Advice("check scene.zones", "write the file again, or leave it out")
 
 
 def scene_to_dict(scene: Scene) -> dict[str, Any]:
@@ -107,30 +101,12 @@ def sketch_file(path: Path, zones: Sequence[str] = (), roles: Any = ()) -> Scene
 
     DataError for a damaged file, or one that is no map.
     """
-    found = read_map_file(path)
-    rules = RoleRules.of(roles or {})
-    if not isinstance(found, MapFile):
-        if zones:
-            raise DataError(
-                f"scene file {path} is in metres, so scene.zones cannot be added to it; add them to the map "
-                "in degrees"
-            )
-        return _sketch_results(path, found)
-    if text := needs_a_map(found):
-        raise DataError(text)
-    return sketch_features([found, *map(_zone_file, zones)], FeatureReader(rules))
-
-
-def _zone_file(name: str) -> MapFile:
-    """The features of a file of ``scene.zones``; those without a role are obstacles."""
-    found = read_map_file(Path(name).expanduser(), ZONE_FILES)
-    if not isinstance(found, MapFile):
-        raise DataError(f"scene file {name} is in metres; scene.zones are files in degrees")
-    return replace(found, role=found.role or "obstacle")
+    found = map_formats().read(path, zones, roles)
+    return found if isinstance(found, SceneSketch) else _sketch_results(path, found)
 
 
 def _sketch_results(path: Path, data: Mapping[str, Any]) -> SceneSketch:
-    check_document(data, "scene", str(path), SCENE_FILES)
+    check_document(data, "scene", str(path), MapFormats.ADVICE)
     where = f"scene file {path}"
     faults = Faults(where)
     _check_departure(where, data.get("time_zero"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from string import ascii_lowercase
@@ -24,14 +24,10 @@ from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.times import lacks_zone
 from pareto_ltl.world import projection
 from pareto_ltl.world import scene_sketch as sk
-from pareto_ltl.world.map_file import MapFile, read_map_file
 from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene import Scene
-from pareto_ltl.world.scene_checks import LARGE_ERROR, check_parts, checked_scene
-from pareto_ltl.world.scene_features import FeatureReader, in_degrees
+from pareto_ltl.world.scene_checks import LARGE_ERROR, checked_scene
 from pareto_ltl.world.scene_files import sketch_file
-from pareto_ltl.world.scene_geojson import LEAST_ROOM, least_room, open_bounds, sketch_features
-from pareto_ltl.world.scene_roles import RoleRules
 from pareto_ltl.world.scene_sketch import DrawingRules, MissionUse, SceneSketch, SkyRoom, unknown_use
 from pareto_ltl.world.time_step import tour_of
 
@@ -134,32 +130,6 @@ def read_map(path: Any, altitude: float | None = None) -> Scene:
             raise DataError(text.replace(str(file), "the given features")) from None
 
 
-def opened_features(
-    path: Path, roles: Any = None
-) -> tuple[list[dict[str, Any]], tuple[str, ...], Mapping[str, Any]]:
-    """The features of a map file with their roles [deg], what was not read, and the file's other members.
-
-    The map may lack its start or regions, so that somebody can draw them. ``roles`` is as ``scene.roles``.
-
-    Raises
-    ------
-    DataError
-        If the file cannot be read, is in metres, or has a fault for which a plan would be refused.
-    """
-    found = read_map_file(path)
-    if not isinstance(found, MapFile):
-        raise DataError(f"scene file {path} is a run's scene.json, in metres; open a map in degrees")
-    reader = FeatureReader(RoleRules.of(roles or {}))
-    sketch = sketch_features([found], reader)
-    if len(sketch.start) and sketch.regions:
-        checked_scene(sketch, DrawingRules())
-    else:
-        check_parts(sketch)
-    plain = reader.plain if found.crs is None else [in_degrees(one, found) for one in reader.plain]
-    texts = tuple(text for text in (reader.unread.warning(), reader.unread.note()) if text)
-    return plain, texts, found.members
-
-
 def _known_border(cfg: SceneConfig, sketch: SceneSketch, border: str) -> str:
     """Whether leaving the map is a failure; never by default if its author drew no border."""
     if cfg.border != "auto":
@@ -178,12 +148,12 @@ def _with_room(sketch: SceneSketch, room: Callable[[float], SkyRoom] | None, *, 
     if room is not None and len(sketch.start) and names:
         centres = [[p.corners.mean(axis=0) for p in sketch.regions if p.name == name] for name in names]
         needed = room(tour_of(sketch.start, centres))
-    margin, bounds = needed.margin, open_bounds(sketch.drawing, needed.margin)
+    margin, bounds = needed.margin, sk.open_bounds(sketch.drawing, needed.margin)
     while margin > 1.0 and Frame(sketch.crs).scale_error(bounds) > LARGE_ERROR:
         margin *= SHRINK
-        bounds = open_bounds(sketch.drawing, margin)
-    if margin < (least := least_room(sketch.drawing)):
-        margin, needed = least, SkyRoom(least, f"{100 * LEAST_ROOM:g} % of its longer side")
+        bounds = sk.open_bounds(sketch.drawing, margin)
+    if margin < (least := sk.least_room(sketch.drawing)):
+        margin, needed = least, SkyRoom(least, f"{100 * sk.LEAST_ROOM:g} % of its longer side")
     elif margin < needed.margin:
         needed = SkyRoom(margin, "as far as lengths in the plane of the map are right to 1 %")
     if not walled:

@@ -19,11 +19,12 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.map_lengths import HIGHEST, LOWEST, Height
 from pareto_ltl.support.messages import shown_text
-from pareto_ltl.world.map_file import Unread
+from pareto_ltl.world.map_formats import Unread
 from pareto_ltl.world.scene import AbsentPlace, FixShape, read_fix
 from pareto_ltl.world.windows import TimedPlace
 
 MAX_COORDINATE = 1e15  # largest coordinate, in any unit
+LEAST_ROOM = 0.07  # of the longer side of a drawing without a border
 RELATIVE_TOLERANCE = 1e-9  # of the size of the map; smaller lengths count as rounding errors
 
 
@@ -195,6 +196,20 @@ class DrawingRules:
     height: FlightHeight | float | None = None
     ground: float | None = None
     walled: bool = False
+
+
+def least_room(drawing: FloatArray) -> float:
+    """The least margin [m] about a ``drawing`` (2, 2) [m], so that flights can pass outside of its places."""
+    return LEAST_ROOM * float(np.ptp(drawing, axis=0).max())
+
+
+def open_bounds(drawing: FloatArray, margin: float = 0.0) -> FloatArray:
+    """The box (2, 2) [m] in which plans lie on a map without a border: ``drawing`` (2, 2) [m] with a margin.
+
+    The sky is open: leaving the box is no failure. The margin is at least :func:`least_room`.
+    """
+    margin = max(margin, least_room(drawing))
+    return np.stack([drawing[0] - margin, drawing[1] + margin])
 
 
 def read_bounds(where: str, key: str, value: Any) -> FloatArray:

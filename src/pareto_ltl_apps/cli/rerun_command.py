@@ -49,7 +49,7 @@ def _second_place(into: Path | None) -> Iterator[Path]:
 def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -> Answer:
     """Run the settings of ``directory`` into ``place``; the differences, and what may explain them.
 
-    The user's ``words`` allow what settings of another person may not do (``run/received.py``).
+    The user's ``words`` allow what settings of another person may not do (``received.py``).
 
     Raises
     ------
@@ -59,7 +59,7 @@ def rerun_and_compare(directory: Path, place: Path, words: Sequence[str] = ()) -
         If the directory holds no result, or if none of its files can be compared.
     """
     from pareto_ltl.extend import Pipeline
-    from pareto_ltl.run.received import allowed_settings
+    from pareto_ltl_apps.received import allowed_settings
 
     refuse_links_out(directory)
     before = _finished_record(directory)

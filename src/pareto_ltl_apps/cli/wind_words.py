@@ -7,7 +7,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
-from pareto_ltl.settings.wind import WIND_SOURCES
+from pareto_ltl.extend import wind_sources
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import choices
@@ -36,7 +36,7 @@ def unread_wind_source(config: DictConfig, words: Sequence[str]) -> str | None:
     if any(word.partition("=")[0].lstrip("+") in ("wind", "wind.source") for word in words):
         return None
     path, source = (OmegaConf.select(config, f"wind.{key}") for key in ("path", "source"))
-    kind = WIND_SOURCES.get(str(source))
+    kind = wind_sources().get(str(source))
     if not isinstance(path, str) or kind is None or kind.reads_path:
         return None
     return _source(path)
@@ -47,6 +47,6 @@ def _is_place(place: str) -> bool:
 
 
 def _source(place: str) -> str:
-    from pareto_ltl.wind.sources import source_of_path  # takes 0.3 s, and few command lines need it
+    from pareto_ltl_apps.formats.content import source_of_path  # takes 0.3 s, and few command lines need it
 
     return source_of_path(place)

@@ -62,7 +62,7 @@ class Leaf(Setting):
     @property
     def plain(self) -> bool:
         """Whether its values are numbers, true, false or words of a list: none of them can name a file."""
-        listed = self.declared is not None and (self.declared.choices or self.declared.words)
+        listed = self.declared is not None and (self.declared.built_in or self.declared.words)
         return bool(listed) or _item_kinds(self.kind) <= {int, float, bool}
 
     @property

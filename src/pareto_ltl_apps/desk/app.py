@@ -214,6 +214,12 @@ def plan_wind(requested: DeskRequest) -> Answer:
     return views.wind_view(requested.front)
 
 
+@operation("GET", PLAN + "/levels")
+def plan_levels(requested: DeskRequest) -> Answer:
+    """The wind of the file at its levels, at the places and times of the wind; or why there is one level."""
+    return views.levels_view(requested.folder, requested.front)
+
+
 @operation("POST", PLAN + "/beacons")
 async def find_beacon(requested: DeskRequest) -> Answer:
     """Try a beacon at many places; answers an id."""

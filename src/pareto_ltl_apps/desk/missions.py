@@ -13,9 +13,10 @@ from pareto_ltl.support.errors import ConfigError, DataError, NotFoundError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import shown_json
 from pareto_ltl.support.resources import choice_file, choices
-from pareto_ltl.world.scene_settings import opened_features, scene_from_settings
+from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl_apps.desk.allowed import parted, setting_words
 from pareto_ltl_apps.desk.folder import DeskFolder
+from pareto_ltl_apps.formats.opened_map import opened_features
 from pareto_ltl_apps.view.page.ground import shown_map
 
 COMMANDS = ("plan", "departure", "wind")

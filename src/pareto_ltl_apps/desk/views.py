@@ -14,12 +14,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from pareto_ltl import choose, export, load_results
+from pareto_ltl import Scene, WindField, choose, export, load_results
 from pareto_ltl.extend import Deployment, Front, cost_named
 from pareto_ltl.support.errors import DataError, InfeasibleError, NotFoundError
 from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json, read_text
+from pareto_ltl_apps.desk.folder import DeskFolder
+from pareto_ltl_apps.desk.wind_levels import wind_levels
 from pareto_ltl_apps.exports.kinds import format_names
 from pareto_ltl_apps.flight.rest_of_flight import issued
 from pareto_ltl_apps.view.limits import PlanLimits, chosen_number
@@ -28,9 +30,11 @@ from pareto_ltl_apps.view.page.ground import map_places, rounded, shown_wind
 from pareto_ltl_apps.view.page.points import flown_path, shown_flights, shown_path, shown_points
 from pareto_ltl_apps.view.records import ShownRun
 from pareto_ltl_apps.view.showing import shown_results
+from pareto_ltl_apps.view.trade import Trade
 
 KEPT_RUNS = 3  # results in memory
 FLIGHTS = 60  # that are shown of a point
+LONGEST = 7 * 86400.0  # [s] for which the wind is shown
 DEGREES = 6
 Shown = TypeVar("Shown")
 _ONE_AT_A_TIME = threading.RLock()  # records are read on first access
@@ -58,6 +62,7 @@ def front_view(directory: Path) -> dict[str, Any]:
         "planned": map_places(run.scene, run.plan.path.x) if alarmed and run.plan is not None else [],
         "alarms": read_json(directory / "replan.json")["alarms"] if alarmed else [],
         "points": [] if front is None else _rows(front),
+        "trades": [] if front is None else Trade.of(run.scene, front, run.plan).paragraphs(),
         "chosen": chosen_number(front, run.plan),
         "promise": None
         if run.plan is None or run.plan.promise is None
@@ -140,8 +145,25 @@ def wind_view(directory: Path) -> dict[str, Any]:
         raise DataError(f"{directory.name}: the map has no place on Earth")
     start = issued(wind)
     dated = scene.frame.utc(np.array([start])) if math.isfinite(start) else None
-    shown = shown_wind(scene, wind, float(min(wind.known_until, 7 * 86400.0)))
-    return shown | {"issued": dated and dated[0]}
+    return _map_wind(scene, wind) | {"issued": dated and dated[0]}
+
+
+def _map_wind(scene: Scene, wind: WindField) -> dict[str, Any]:
+    return shown_wind(scene, wind, float(min(wind.known_until, LONGEST)))
+
+
+def levels_view(folder: DeskFolder, directory: Path) -> dict[str, Any]:
+    """The wind at the other levels of the files of a plan (:func:`.wind_levels.wind_levels`)."""
+    return _levels_at(folder, directory, (directory / "run.json").stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=KEPT_RUNS)
+def _levels_at(folder: DeskFolder, directory: Path, _written: int) -> dict[str, Any]:
+    with _ONE_AT_A_TIME:
+        results = load_results(directory)
+        scene, wind = results.scene, results.wind
+        shown = _map_wind(scene, wind)
+    return wind_levels(folder, results.settings.wind, scene, wind, shown)  # reads files, and holds up nobody
 
 
 @one_at_a_time

@@ -27,15 +27,15 @@ from pareto_ltl.extend import (
     completing_path,
     evaluate,
 )
-from pareto_ltl.run.received import KnownFiles, law_file
 from pareto_ltl.support.arrays import FloatArray, length_of, square_matrices
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.fingerprints import file_hashes
 from pareto_ltl.support.messages import shown_text
-from pareto_ltl.wind.sources import source_of_path
 from pareto_ltl_apps.flight.known_errors import robot_given
 from pareto_ltl_apps.flight.position_fixes import FAR, Situation, chance
+from pareto_ltl_apps.formats.content import source_of_path
+from pareto_ltl_apps.received import KnownFiles, law_file
 
 LOG = logging.getLogger("pareto_ltl.flight.rest_of_flight")
 HOUR = 3600.0

@@ -9,11 +9,11 @@ from pathlib import Path
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.file_formats import first_bytes, format_of, is_data_file
 from pareto_ltl.support.messages import shown_value
-from pareto_ltl.support.tables import open_table, read_table
 from pareto_ltl_apps.formats.grib_frames import check_frames, parameters
 from pareto_ltl_apps.formats.netcdf_files import quantities_in
 from pareto_ltl_apps.formats.quantities import CURRENTS, WINDS
 from pareto_ltl_apps.formats.station_tables import BUOYS, holds_reports
+from pareto_ltl_apps.formats.tables import open_table, read_table
 
 MAX_FIELDS = 20_000  # of a GRIB file, that are looked at
 

@@ -34,9 +34,9 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extras import missing_extra
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.file_formats import wind_file
-from pareto_ltl.support.flow_components import SPEED, TEMPERATURE, U
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, nearest_level, parse_level
 from pareto_ltl.support.times import iso
+from pareto_ltl_apps.formats.flow_components import SPEED, TEMPERATURE, U
 from pareto_ltl_apps.formats.grib_frames import check_frames
 from pareto_ltl_apps.formats.grid_directions import twist_of_grib
 from pareto_ltl_apps.formats.quantities import (
@@ -127,10 +127,29 @@ def grib_snapshots_apart(
     """
     parse_level(level)
     box = None if area is None else astuple(area)
-    task = [[str(file) for file in files], max_speed, level, box, quantity.name]
+    reported, arrays = _apart(files, max_speed, level, box, quantity.name)
+    winds = tuple(
+        Snapshot(
+            *(time, lead, arrays[points], arrays[winds], wind_level, tuple(map(Path, names)), member),
+            None if air is None else NodeAir(*(arrays.get(x, x) for x in air)),
+        )
+        for time, lead, points, winds, wind_level, names, member, air in reported["winds"]
+    )
+    return Snapshots(winds, files, tuple(reported["notes"]), reported["law"])
+
+
+def grib_levels_apart(files: tuple[Path, ...], quantity: Quantity) -> set[Level]:
+    """The levels at which GRIB ``files`` have ``quantity`` at instants; errors as of the readings."""
+    reported, _ = _apart(files, 0.0, None, None, quantity.name)
+    return {Level(kind, value) for kind, value in reported["levels"]}
+
+
+def _apart(files: tuple[Path, ...], *task: Any) -> tuple[dict[str, Any], dict[str, FloatArray]]:
+    """What :func:`_answer` says of ``task`` in another process, and its arrays."""
     with tempfile.TemporaryDirectory(prefix="pareto_ltl_grib_") as folder:
         answer = Path(folder) / "answer.npz"
-        command = [sys.executable, "-m", __name__, json.dumps(task), str(answer)]
+        words = json.dumps([[str(file) for file in files], *task])
+        command = [sys.executable, "-m", __name__, words, str(answer)]
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
         if not answer.is_file():
             at = done.stdout.splitlines()[-1:] or [str(files[0])]
@@ -143,14 +162,7 @@ def grib_snapshots_apart(
     reported = json.loads(arrays["told"].item())
     if "error" in reported:
         raise DataError(reported["error"])
-    winds = tuple(
-        Snapshot(
-            *(time, lead, arrays[points], arrays[winds], wind_level, tuple(map(Path, names)), member),
-            None if air is None else NodeAir(*(arrays.get(x, x) for x in air)),
-        )
-        for time, lead, points, winds, wind_level, names, member, air in reported["winds"]
-    )
-    return Snapshots(winds, files, tuple(reported["notes"]), reported["law"])
+    return reported, arrays
 
 
 def _answer(task: str, answer: Path) -> None:
@@ -167,8 +179,16 @@ def _answer(task: str, answer: Path) -> None:
     def named(values: Iterable[Any]) -> list[Any]:
         return [name_of(value) if isinstance(value, np.ndarray) else value for value in values]
 
+    def tell(file: Path) -> None:
+        print(file, flush=True)
+
     try:
-        found = grib_snapshots(files, max_speed, level, area, lambda file: print(file, flush=True), quantity)
+        found = (
+            Snapshots((), files, ())
+            if level is None
+            else grib_snapshots(files, max_speed, level, area, tell, quantity)
+        )
+        there = grib_levels(files, quantity, tell) if level is None else set()
         winds = [
             (
                 *named((w.time, w.lead, w.points, w.winds, w.level)), list(map(str, w.files)), w.member,
@@ -177,6 +197,7 @@ def _answer(task: str, answer: Path) -> None:
             for w in found.winds
         ]  # fmt: skip
         reported: dict[str, Any] = {"winds": winds, "notes": found.notes, "law": found.law}
+        reported["levels"] = sorted(map(astuple, there))
     except (DataError, ConfigError) as error:
         reported = {"error": str(error)}
     part = answer.with_suffix(".part")
@@ -223,6 +244,20 @@ def grib_snapshots(
         notes.append(f"the level {at.text} is used for {scan.level.text}")
     found = earth_relative(winds_of(scan.fields[at], at), files, at, max_speed, notes)
     return found._replace(law=next(iter(scan.laws)) if len(scan.laws) == 1 else "")
+
+
+def grib_levels(files: tuple[Path, ...], quantity: Quantity, tell: Callable[[Path], None]) -> set[Level]:
+    """The levels at which ``files`` have ``quantity``, not its means; ``tell`` as of the fields."""
+    there: set[Level] = set()
+    for file in files:
+        tell(file)
+        with _grib_messages(file) as messages:
+            for message in messages:
+                if _component(message, quantity) in (None, *OF_AIR) or _other_kind(message) is not None:
+                    continue
+                if (level := _level_of(message, quantity.length)) is not None:
+                    there.add(level)
+    return there
 
 
 def _has_wind(parts: dict[str, Component]) -> bool:

@@ -9,9 +9,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pareto_ltl.extend import MapFile, Unread
+from pareto_ltl.extend import Unread
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
+from pareto_ltl_apps.formats.map_file import MapFile
 
 CORNERS = 64  # of the polygon in a circle of inclusion; it lacks 0.2 % of the area
 FENCES = {5001: "border", 5002: "obstacle", 5003: "border", 5004: "obstacle"}  # MAV_CMD_NAV_FENCE_...

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl.extend import MapFile, MapFormats
+from pareto_ltl.extend import MapFormats, SceneSketch
 from pareto_ltl.support import reading
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.reading import Advice, read_bounded, refuse_many_features, shown_json
-from pareto_ltl.world.map_file import SCENE_FILES
 from pareto_ltl_apps.formats import map_airspace as airspace
 from pareto_ltl_apps.formats import map_fences as fences
 from pareto_ltl_apps.formats.map_archive import KmlSources, any_file, is_archive
+from pareto_ltl_apps.formats.map_features import FeatureReader
+from pareto_ltl_apps.formats.map_file import MapFile, needs_a_map
 from pareto_ltl_apps.formats.map_kml import read_kml
 from pareto_ltl_apps.formats.map_openair import is_openair, read_openair
+from pareto_ltl_apps.formats.map_plane import sketch_features
+from pareto_ltl_apps.formats.map_roles import RoleRules
 
+SCENE_FILES = MapFormats.ADVICE
+ZONE_FILES = Advice("check scene.zones", "write the file again, or leave it out")
 SUFFIXES = (".kml", ".kmz")
 SHAPES = (
     "Point",
@@ -58,6 +64,32 @@ FOREIGN_TEXTS = (
     (r"^\s*(TYPE|INCLUDE|VERSION)\s*=", "airspace in the TNP format", "save it as OpenAir"),
     (r"^[^\n{]*[,;\t][^\n{]*\n", "a table", f"make features of its rows: {TO_GEOJSON}"),
 )  # fmt: skip
+
+
+def read_sketch(path: Path, zones: Sequence[str] = (), roles: Any = ()) -> SceneSketch | Mapping[str, Any]:
+    """The map of a file with the features of the files ``zones``, or the document of a run's ``scene.json``.
+
+    ``roles`` are ``scene.roles``. DataError for a damaged file, or one that is no map.
+    """
+    found, rules = read_map_file(path), RoleRules.of(roles or {})
+    if not isinstance(found, MapFile):
+        if zones:
+            raise DataError(
+                f"scene file {path} is in metres, so scene.zones cannot be added to it; add them to the map "
+                "in degrees"
+            )
+        return found
+    if text := needs_a_map(found):
+        raise DataError(text)
+    return sketch_features([found, *map(_zone_file, zones)], FeatureReader(rules))
+
+
+def _zone_file(name: str) -> MapFile:
+    """The features of a file of ``scene.zones``; those without a role are obstacles."""
+    found = read_map_file(Path(name).expanduser(), ZONE_FILES)
+    if not isinstance(found, MapFile):
+        raise DataError(f"scene file {name} is in metres; scene.zones are files in degrees")
+    return replace(found, role=found.role or "obstacle")
 
 
 def read_map_file(path: Path, advice: Advice = SCENE_FILES) -> MapFile | Mapping[str, Any]:
@@ -212,4 +244,4 @@ def crs_name(where: str, member: Any) -> str | None:
     return None if name.upper().endswith(("CRS84", "EPSG::4326", "EPSG:4326")) else name
 
 
-FORMATS = MapFormats(read_map_file, linked_files, airspace.with_limits)
+FORMATS = MapFormats(read_sketch, linked_files)

@@ -20,15 +20,14 @@ from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.extras import require_extra
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.file_formats import HDF5, format_of, wind_file
-from pareto_ltl.support.flow_components import FROM, SPEED, TEMPERATURE, TOWARDS, U, V
 from pareto_ltl.support.levels import DEPTH, PRESSURE, Level, level_list
 from pareto_ltl.support.messages import shown_value
-from pareto_ltl.support.speed_units import speed_factor
 from pareto_ltl.support.times import iso
 from pareto_ltl_apps.formats.cf_air import AirArray, surface_pressure_of, temperature_of
 from pareto_ltl_apps.formats.cf_directions import with_projection
 from pareto_ltl_apps.formats.cf_grid import levels_of, member_dimension, nodes_of, text
 from pareto_ltl_apps.formats.clocks import clock_of, with_text_clocks
+from pareto_ltl_apps.formats.flow_components import FROM, SPEED, TEMPERATURE, TOWARDS, U, V
 from pareto_ltl_apps.formats.quantities import (
     COUNTERPARTS,
     CURRENTS,
@@ -45,6 +44,7 @@ from pareto_ltl_apps.formats.quantities import (
     winds_of,
 )
 from pareto_ltl_apps.formats.snapshots import GridWind, Snapshots, earth_relative, same_values
+from pareto_ltl_apps.formats.speed_units import speed_factor
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -214,6 +214,16 @@ def quantities_in(path: Path) -> dict[str, bool]:
                 crews = [array.sizes[crew] for array in arrays if (crew := member_dimension(array))]
                 there[quantity.name] = any(size > 1 for size in crews)
         return there
+
+
+def netcdf_levels(files: tuple[Path, ...], quantity: Quantity) -> set[Level]:
+    """The levels at which NetCDF ``files`` have ``quantity``; DataError as :func:`netcdf_snapshots`."""
+    there: set[Level] = set()
+    for path in files:
+        with _open_dataset(path) as data:
+            for _, array in _components(path, data, quantity):
+                there.update(levels_of(array, quantity.length)[1])
+    return there
 
 
 def _advice(data: xr.Dataset, quantity: Quantity) -> str:

@@ -1,6 +1,6 @@
 """Winds and currents: the names of their components in files, and pairs of components as vectors.
 
-Files have u and v, or speed and direction (``pareto_ltl.support.flow_components``).
+Files have u and v, or speed and direction (``pareto_ltl_apps.formats.flow_components``).
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from pareto_ltl.extend import NodeAir, Snapshot
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults
-from pareto_ltl.support.flow_components import FROM, SPEED, TEMPERATURE, TOWARDS, U, V, polar_winds
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, parse_level
 from pareto_ltl.support.times import iso
+from pareto_ltl_apps.formats.flow_components import FROM, SPEED, TEMPERATURE, TOWARDS, U, V, polar_winds
 from pareto_ltl_apps.formats.snapshots import GridWind, Nodes
 
 SURFACE_PRESSURE = "sp"

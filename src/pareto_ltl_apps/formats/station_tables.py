@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.speed_units import KNOT, speed_factor
-from pareto_ltl.support.tables import open_table, read_table
+from pareto_ltl_apps.formats.speed_units import KNOT, speed_factor
+from pareto_ltl_apps.formats.tables import open_table, read_table
 
 MPH = 0.44704  # [m/s]
 UTC, LOCAL, UNKNOWN = "UTC", "local standard time", "unknown"  # clocks of times without a zone

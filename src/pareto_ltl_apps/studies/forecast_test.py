@@ -25,9 +25,9 @@ from pareto_ltl.extend import FidelityConfig, Front, GeoBox, MissionConfig, Plan
 from pareto_ltl.settings import ForecastTestConfig, IngestConfig
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.fingerprints import file_fingerprint
-from pareto_ltl.wind.ingest import common_nodes
 from pareto_ltl.wind.observations import FIT_RADIUS
 from pareto_ltl_apps.formats.snapshots import latest_readings
+from pareto_ltl_apps.formats.wind_table import common_nodes
 from pareto_ltl_apps.studies import calibration, random_missions, strata
 from pareto_ltl_apps.studies.calibration import CHOSEN
 from pareto_ltl_apps.studies.known_winds import KNOWN_WINDS, KnownWinds

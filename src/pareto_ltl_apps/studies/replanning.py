@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -210,33 +210,57 @@ def replanned_controls(
     context: ReplanningContext, way: Way, wind: DrawnFlights, number: int
 ) -> tuple[FloatArray, FloatArray, int]:
     """Controls (T, 2) [m/s], means (T+1, 2) [m] and the number of new plans taken, for one flight."""
-    run, since, taken = context.run, 0, 0
-    settings, sd = run.settings, run.settings.replanning.fix_sd
-    u, x = way.path.u, way.path.x
     if (tree := way.branching) is not None:
         return branch_controls(context, way, tree, wind, number)
+    *_, last = controls_by_fix(context, way, wind, number)
+    return last
+
+
+def controls_by_fix(
+    context: ReplanningContext, way: Way, wind: DrawnFlights, number: int
+) -> Iterator[tuple[FloatArray, FloatArray, int]]:
+    """As :func:`replanned_controls`: with no new plan, with the one of the first step, of two steps, ..."""
+    run, since, taken = context.run, 0, 0
+    u, x = way.path.u, way.path.x
+    yield u, x, taken
     for step in way.steps:
-        if step >= len(u):
-            break
+        new = None if step >= len(u) else new_plan(context, way, wind, number, (run, u, x, since, step))
+        if new is not None and step + len(new.plan.path.u) <= wind.problem.horizon:
+            run, since, taken = new, step, taken + 1
+            u, x = (
+                np.concatenate([old[:step], own]) for old, own in ((u, new.plan.path.u), (x, new.plan.path.x))
+            )
+        yield u, x, taken
+
+
+def new_plan(
+    context: ReplanningContext,
+    way: Way,
+    wind: DrawnFlights,
+    number: int,
+    now: tuple[Run, FloatArray, FloatArray, int, int],
+) -> Run | None:
+    """The run with the new plan of a step; None if the plan goes on.
+
+    ``now`` is the run with the plan that is flown, the controls (T, 2) [m/s] and means (T+1, 2) [m] from the
+    departure on, the step at which its plan begins, and the step of the new plan.
+    """
+    run, u, x, since, step = now
+    settings, sd = context.run.settings, context.run.settings.replanning.fix_sd
+    fixes: tuple[Fix, ...] = ()
+    if step in way.fixes:
         there = way.pilot(wind, u, x)[0, step]
         error = sd * stream_at(settings, FIXES, number, step).standard_normal(2)
-        fixes = (Fix(there + error, sd, step - since),) if step in way.fixes else ()
-        newer = context.cycles(context.run, wind, number, step) if step in way.forecasts else None
-        try:
-            done = replanned(run, run.problem.motion.dt * (step - since), fixes, wind=newer)
-        except (ConfigError, InfeasibleError):  # complete, failed, or no new plan: the plan continues
-            continue
-        except DataError as fault:
-            LOG.warning("flight %d flies on without the forecast of step %d: %s", number, step, fault)
-            continue
-        if done.advice == "old" or done.run is None:
-            continue
-        new = done.plan.path
-        if step + len(new.u) > wind.problem.horizon:
-            break
-        run, since, taken = done.run, step, taken + 1
-        u, x = np.concatenate([u[:step], new.u]), np.concatenate([x[:step], new.x])
-    return u, x, taken
+        fixes = (Fix(there + error, sd, step - since),)
+    newer = context.cycles(context.run, wind, number, step) if step in way.forecasts else None
+    try:
+        done = replanned(run, run.problem.motion.dt * (step - since), fixes, wind=newer)
+    except (ConfigError, InfeasibleError):  # complete, failed, or no new plan: the plan continues
+        return None
+    except DataError as fault:
+        LOG.warning("flight %d flies on without the forecast of step %d: %s", number, step, fault)
+        return None
+    return None if done.advice == "old" else done.run
 
 
 def branch_controls(

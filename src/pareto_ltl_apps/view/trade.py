@@ -1,85 +1,136 @@
-"""What other paths of the front would give, and why a plan turns or comes back in a region, in sentences."""
+"""What other paths of the front would give, and why a path turns or comes back in a region, in sentences."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
 
 from pareto_ltl import Scene
 from pareto_ltl.extend import Front, Plan
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.display import distance_text, flights_text
 from pareto_ltl_apps.view.limits import chosen_number
 
-SHORTER = (
-    0.10,
-    0.03,
-)  # shares of the length of the plan by which a path is worth naming, the first that has one
+SHORTER = (0.10, 0.03)  # shares of its length by which a path is worth naming: the first that there is
+LEAST = SHORTER[-1]
 COMPARED = "in the winds in which paths are compared"  # the promise of a plan has other winds
 HALF_TURN = 180.0  # [deg] of all turns in a region that are a loop
 
 
-def trade_lines(scene: Scene, front: Front, plan: Plan) -> Iterator[str]:
-    """The best shorter and the best longer path of the front, and the reason of loops.
-
-    All rates come from the front, in the same winds. Nothing where bounds judge, or without the front.
-    """
+def trade_lines(scene: Scene, front: Front, plan: Plan) -> list[str]:
+    """The sentences of ``plan``; none where bounds judge, or where it is not on the front."""
     chosen = chosen_number(front, plan)
-    if chosen is None or not front.rates:
-        return
-    lengths = np.array([path.objectives.length for path in front.paths])
-    rates = np.array([rate.failure for rate in front.rates])
-    here, now = float(lengths[chosen]), float(rates[chosen])
-    floor = 0.0 if plan.promise is None else plan.promise.floor
-    rates = np.maximum(rates, floor)  # the data of the law cannot tell lower ones apart
-    found = (np.flatnonzero(lengths <= (1.0 - share) * here) for share in SHORTER)
-    shorter = next((some for some in found if len(some)), np.empty(0, int))
-    if len(shorter):
-        k = int(shorter[np.argmin(rates[shorter])])
-        less = f"{distance_text(here - float(lengths[k]))} ({100.0 * (1.0 - lengths[k] / here):.0f} %)"
-        yield f"Point {k} is {less} shorter: {_instead(front, k, chosen, floor)}"
-    longer = np.flatnonzero((lengths > here) & (rates < max(now, floor)))
-    if len(longer):
-        k = int(longer[np.argmin(rates[longer])])
-        more = distance_text(float(lengths[k]) - here)
-        yield f"Point {k} is {more} longer: {_instead(front, k, chosen, floor)}"
-    yield from _loop_lines(scene, front, chosen, lengths, rates, floor)
+    return [] if chosen is None else Trade.of(scene, front, plan).lines(chosen)
 
 
-def _instead(front: Front, other: int, chosen: int, floor: float) -> str:
-    """``4.1 instead of 3.1 of 100 flights fail, ...``; of rates below the floor, what can be said of them."""
-    one, two = (_share(front, k, floor) for k in (other, chosen))
-    if one == two:
-        return f"{one} fail, as of the plan"
-    count, _, whole = one.partition(" of ")
-    return f"{count if whole == two.partition(' of ')[2] else one} instead of {two} fail, {COMPARED}"
+@dataclass(frozen=True)
+class Trade:
+    """The paths of a front against each other, in the same winds.
 
+    Attributes
+    ----------
+    floor : float
+        The rate below which the data of the law cannot tell rates apart; 0: it tells all.
+    """
 
-def _share(front: Front, k: int, floor: float) -> str:
-    rate = front.rates[k]
-    if rate.failure < floor:
-        return f"fewer than {flights_text(floor, floor, floor)[0]}"
-    return flights_text(rate.failure, rate.low, rate.high)[0]
+    scene: Scene
+    front: Front
+    floor: float
 
+    @classmethod
+    def of(cls, scene: Scene, front: Front, plan: Plan | None) -> Trade:
+        """With the floor of the promise of ``plan``; 0 without one."""
+        return cls(scene, front, 0.0 if plan is None or plan.promise is None else plan.promise.floor)
 
-def _loop_lines(
-    scene: Scene, front: Front, chosen: int, lengths: FloatArray, rates: FloatArray, floor: float
-) -> Iterator[str]:
-    """Why the plan turns in a region or comes back to it: the safest path that does not is less safe."""
-    names = looped_regions(scene, front.paths[chosen].x)
-    plain = [k for k, path in enumerate(front.paths) if not looped_regions(scene, path.x)]
-    if not names or not plain:
-        return
-    best = min(plain, key=lambda k: float(rates[k]))
-    if rates[best] > rates[chosen]:
-        where = " and ".join(names)
-        yield (
-            f"It turns in {where}, so that more flights meet it: {_share(front, chosen, floor)} fail; of the "
-            f"safest path without that (point {best}, {distance_text(float(lengths[best]))}) "
-            f"{_share(front, best, floor)}"
+    def paragraphs(self) -> list[str]:
+        """The sentences of each point as one text."""
+        return [" ".join(f"{line}." for line in self.lines(k)) for k in range(len(self.front.paths))]
+
+    def lines(self, k: int) -> list[str]:
+        """What shorter and longer paths give instead of point ``k``, and why it turns in a region."""
+        if not self.front.rates:
+            return []
+        return [*self._shorter(k), *self._longer(k), *self._loops(k)]
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """Of each path [m]."""
+        return np.array([path.objectives.length for path in self.front.paths])
+
+    @cached_property
+    def rates(self) -> FloatArray:
+        """Of each path, at least the floor."""
+        return np.maximum([rate.failure for rate in self.front.rates], self.floor)
+
+    @cached_property
+    def looped(self) -> list[list[str]]:
+        """The regions of each path in which it turns, or to which it comes back."""
+        return [looped_regions(self.scene, path.x) for path in self.front.paths]
+
+    def _shorter(self, k: int) -> Iterator[str]:
+        """The best path that is a tenth shorter, or a little; the shortest one that is as good before it."""
+        here = self.lengths[k]
+        alike = np.flatnonzero((self.lengths <= (1.0 - LEAST) * here) & (self.rates <= self.rates[k]))
+        if len(alike):
+            yield self._said(int(alike[np.argmin(self.lengths[alike])]), k)
+        found = (np.flatnonzero(self.lengths <= (1.0 - share) * here) for share in SHORTER)
+        if len(some := next((some for some in found if len(some)), np.empty(0, int))):
+            best = int(some[np.argmin(self.rates[some])])
+            if self.rates[best] > self.rates[k]:
+                yield self._said(best, k)
+
+    def _longer(self, k: int) -> Iterator[str]:
+        """The safest path that is longer, if it is safer."""
+        some: IntArray = np.flatnonzero((self.lengths > self.lengths[k]) & (self.rates < self.rates[k]))
+        if len(some):
+            yield self._said(int(some[np.argmin(self.rates[some])]), k)
+
+    def _said(self, other: int, k: int) -> str:
+        """``Point 2 is 250.0 km (13 %) shorter: 5.0 instead of 4.0 of 100 flights fail, ...``."""
+        away = float(self.lengths[k] - self.lengths[other])
+        share = f" ({100.0 * away / self.lengths[k]:.0f} %)" if away > 0.0 else ""
+        than = f"Point {other} is {distance_text(abs(away))}{share} {'shorter' if away > 0.0 else 'longer'}"
+        one, two = self.share(other), self.share(k)
+        if one == two:
+            known = f" ({self._counted(other)} instead of {self._counted(k)} of the simulated ones)"
+            return f"{than}: {one} fail too{known if self.rates[k] <= self.floor else ''}"
+        count, _, whole = one.partition(" of ")
+        return (
+            f"{than}: {count if whole == two.partition(' of ')[2] else one} instead of {two} fail, {COMPARED}"
         )
+
+    def share(self, k: int) -> str:
+        """``4.1 of 100 flights``; of a rate below the floor, what can be said of it."""
+        rate = self.front.rates[k]
+        if rate.failure < self.floor:
+            return f"fewer than {flights_text(self.floor, self.floor, self.floor)[0]}"
+        return flights_text(rate.failure, rate.low, rate.high)[0]
+
+    def _counted(self, k: int) -> str:
+        return f"{100.0 * self.front.rates[k].failure:.2g} %"
+
+    def _loops(self, k: int) -> Iterator[str]:
+        """Why the path turns in a region or comes back to it: the safest path that does not."""
+        plain = [n for n, names in enumerate(self.looped) if not names]
+        if not self.looped[k] or not plain:
+            return
+        best = min(plain, key=lambda n: (self.front.rates[n].failure, self.lengths[n]))
+        if self.front.rates[best].failure <= self.front.rates[k].failure:
+            return
+        turns = f"It turns in {' and '.join(self.looped[k])}, so that more flights meet it"
+        path = f"safest path without that (point {best}, {distance_text(float(self.lengths[best]))})"
+        if self.rates[best] > self.rates[k]:
+            yield f"{turns}: {self.share(k)} fail; of the {path} {self.share(best)}"
+        else:
+            both = self._counted(k), self._counted(best)
+            yield (
+                f"{turns}: of the simulated ones {both[0]} fail; of the {path} {both[1]}; "
+                "the data of the law cannot tell these rates apart"
+            )
 
 
 def looped_regions(scene: Scene, x: FloatArray) -> list[str]:

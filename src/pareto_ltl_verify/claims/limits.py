@@ -46,6 +46,7 @@ WIDTH = 1e-3  # share of the map's size within which flights count for a price
 SHOWN = 4.0  # standard errors of a price that is shown, at least
 LARGER, SMALLER = 4.0, 20.0  # stated over expected error and inverse: of eight blocks 2.6 and 13 by chance
 BALANCED = 100.0  # for ``SMALLER`` where multipliers are part of a price
+NEAR = 8.0  # [τ] a flight at this distance adds 1/3000 of what one at the limit adds
 
 
 def segment_limits(result: Evidence) -> Verdict | None:
@@ -187,7 +188,7 @@ def _outline_price(result: Evidence, row: Mapping[str, Any]) -> str:
     sure = float(chi2.ppf(RARE, 2 * changes.min())) / 2.0 if changes.min() else 0.0  # of a Poisson number
     high = slopes.max() * FACTOR + doubt + _multiplier(result, row)
     if sure / (FACTOR * runs * by) <= row["saving"] <= high:
-        return _error_fault(result, row)
+        return error_fault(result, row)
     return f"{row['saving']:.3g} a metre, flights give {slopes.min():.3g} to {slopes.max():.3g}"
 
 
@@ -209,23 +210,28 @@ def _multiplier(result: Evidence, row: Mapping[str, Any]) -> float:
     return float(FACTOR * failing * (share * steep / np.maximum(sd, result.grain)).max())
 
 
-def _error_fault(result: Evidence, row: Mapping[str, Any]) -> str:
+def error_fault(result: Evidence, row: Mapping[str, Any]) -> str:
     """The fault of the error of a price; empty if it is right, or an earlier plan has none.
 
     With s = σ(-m/τ) and margins m of constant density ρ near 0, the price is ρ, and its variance
-    Σ (s (1 - s) / (n τ))² = ρ / (6 n τ). If the error is then larger than the price, no flight comes near
-    the limit: such a price must not be certain enough to be shown. Where a segment is close to epsilon,
-    multipliers take up what the counts of a block leave of the balance of forces: their sum varies less than
-    the counts, or more.
+    Σ (s (1 - s) / (n τ))² = ρ / (6 n τ). If the error is then larger than the price, few flights come near
+    the limit, and the price must not be certain enough to be shown. Where the density grows away from the
+    limit, k flights within ``NEAR`` τ have a small s each, and the error is at least the price / √k. Where a
+    segment is close to epsilon, multipliers take up what the counts of a block leave of the balance of
+    forces: their sum varies less than the counts, or more.
     """
-    tight = _is_tight(result)
+    price, tight = row["saving"], _is_tight(result)
     width = WIDTH * float(np.ptp(result.ground.bounds, axis=0).mean())
-    expected = np.sqrt(row["saving"] / (6.0 * PRICED * width))
-    rare = expected > row["saving"]
-    least = row["saving"] / SHOWN if rare else expected / (BALANCED if tight else SMALLER)
+    expected = np.sqrt(price / (6.0 * PRICED * width))
+    rare = expected > price
+    least = price / SHOWN if rare else expected / (BALANCED if tight else SMALLER)
     largest = np.inf if rare or tight else LARGER * expected
     if "error" not in row or least <= row["error"] <= largest:
         return ""
+    if row["error"] < least:
+        (now, moved), runs = COUNTS[row["kind"]](result, row, (0.0, NEAR * width))
+        if row["error"] >= 0.5 * price / np.sqrt(max(PRICED / runs * abs(moved - now), 1.0)):
+            return ""
     return f"error {row['error']:.3g} a metre, expected about {expected:.3g}"
 
 

@@ -300,7 +300,6 @@ def other_data(result: Evidence) -> Verdict:
         "name": result.settings["name"], "formula": result.automaton["formula"], "law": result.planned_law,
         "notCovered": plan.get("not_covered", ""), "medium": medium,
         "onEarth": result.scene["crs"] is not None, "judge": str(result.settings["fidelity"]["judge"]),
-        "floor": (plan["promise"] or {}).get("floor", 0.0),
         "places": page_texts.tight_places(result) if not page_texts.alarmed(result) else data.get("places"),
     }  # fmt: skip
     if (height := plan.get("height")) is not None:

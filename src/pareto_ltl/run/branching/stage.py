@@ -5,19 +5,20 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.random import SeedSequence
 
 from pareto_ltl.planning.branching.records import BranchFix, TreeRow
 from pareto_ltl.planning.costs.duration import hours_text
-from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.rates import FailureRate
 from pareto_ltl.planning.records import Front, Plan, PlannedPath
 from pareto_ltl.planning.refine import separation
 from pareto_ltl.planning.refine.separation import worst_segment
-from pareto_ltl.run.branching.bending import bent_tree
+from pareto_ltl.run.branching.bending import bent_tree, within_airspeeds
 from pareto_ltl.run.branching.rest_problem import World
 from pareto_ltl.run.branching.tree_plan import (
     Grown,
@@ -28,12 +29,18 @@ from pareto_ltl.run.branching.tree_plan import (
     tree_rows,
     with_second_fixes,
 )
-from pareto_ltl.run.branching.tree_search import Grower, Stem, Tree, worthwhile_leaves
+from pareto_ltl.run.branching.tree_search import (
+    LEAST_FLIGHTS,
+    QUADRANTS,
+    Grower,
+    Stem,
+    Tree,
+    worthwhile_leaves,
+)
 from pareto_ltl.settings import BranchConfig, RobotConfig
 from pareto_ltl.simulation.judging import count_failures
 from pareto_ltl.simulation.promise import fresh_promise
-from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.simulation.tree_flights import fly_tree
+from pareto_ltl.simulation.tree_flights import fly_tree, whole_controls
 from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.display import rate_text
@@ -45,7 +52,7 @@ LOG = logging.getLogger(__name__)
 STREAM, PROMISED = "branches", "promised branches"  # random streams of the search, of the promise,
 CONFIRMED, BENT = "confirmed branches", "bent trunk"  # of what is retained, of the promise without a fix
 TRUNKS = 2  # paths of the front that trees are grown on, the plan among them
-SAVED = 0.5  # of the failures after the fix: what branches are taken to save when trunks are compared
+RETURNS = (0.1, 0.5)  # shares of the rest within which flights return to the path, when trunks are compared
 
 
 def branched_plan(
@@ -64,13 +71,12 @@ def branched_plan(
     problem, own = world.problem, next(k for k, path in enumerate(front.paths) if path is plan.path)
     fixes = possible_fixes(cfg, world.settings.robot, problem, plan.path)
     grower = Grower.of(world, named_child(seeds, STREAM))
-    shoots = []
-    for point in promising_trunks(grower, front, own, fixes):
+    places = [(own, fix) for fix in fixes]
+    for point in promising_trunks(grower, front, own)[1:]:
         path = front.paths[point]
-        allowed = fixes if point == own else fixes_on(cfg, world.settings.robot, problem, path)
-        shoots += [replace(grower.begun(Stem.trunk(path), fix), point=point) for fix in allowed]
+        places += [(point, fix) for fix in fixes_on(cfg, world.settings.robot, problem, path)]
     law, runs = problem.fidelity.law, world.settings.selection.runs
-    straight, number = best_tree(grower, shoots, cfg.fixes)
+    straight, number = best_tree(grower, front, places, cfg.fixes)
     if number == 1:
         LOG.warning(
             "branches do not pay: %s; the plan has none",
@@ -108,20 +114,27 @@ def branched_plan(
     return replace(base, branching=made)
 
 
-def best_tree(grower: Grower, shoots: Sequence[Tree], fixes: int) -> tuple[Tree, int]:
-    """The tree that grows from the best of ``shoots``, and the number of its branches that pay.
+def best_tree(
+    grower: Grower, front: Front, places: Sequence[tuple[int, BranchFix]], fixes: int
+) -> tuple[Tree, int]:
+    """The best tree on a path of ``front`` with a fix, ``places``, and the number of its branches that pay.
 
     For a plan with two ``fixes`` the first one is before another one, if trees with it pay.
     """
-    ranked = sorted(shoots, key=grower.best_score)
-    if fixes > 1:
-        last = max(tree.fix.step for tree in shoots)
-        first = next((tree for tree in ranked if tree.fix.step < last), None)
-        if first is not None and first is not ranked[0]:
-            grown = grower.grown(first)
-            if (number := worthwhile_leaves(grown)) > 1:
-                return grown, number
-    tree = grower.grown(ranked[0])
+
+    def begun(chosen: Sequence[tuple[int, BranchFix]]) -> list[Tree]:
+        return [
+            replace(grower.begun(Stem.trunk(front.paths[point]), fix), point=point) for point, fix in chosen
+        ]
+
+    last = max(fix.step for _, fix in places) if fixes > 1 else 0
+    shoots = begun([place for place in places if place[1].step < last])
+    if shoots:
+        tree = grower.grown(min(shoots, key=grower.best_score))
+        if (number := worthwhile_leaves(tree)) > 1:
+            return tree, number
+    shoots += begun([place for place in places if place[1].step >= last])
+    tree = grower.grown(min(shoots, key=grower.best_score))
     return tree, worthwhile_leaves(tree)
 
 
@@ -234,44 +247,43 @@ def fixes_along(cfg: BranchConfig, robot: RobotConfig, problem: Problem, x: Floa
 # --- which -----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Outlook:
-    """What a path promises as a trunk: a score, low if much of its failure can still be saved at a fix."""
-
-    point: int
-    score: float
-
-
-def promising_trunks(grower: Grower, front: Front, own: int, fixes: Sequence[BranchFix]) -> list[int]:
-    """The plan, and with ``selection.rule=worth`` the path of the front that is likely to be the best trunk.
+def promising_trunks(grower: Grower, front: Front, own: int) -> list[int]:
+    """The plan, and with ``selection.rule=worth`` the paths of the front that are likely to be better trunks.
 
     Other rules take their path for other reasons, and ``branch.fit_trunk=false`` takes the plan.
-    A path is taken to fail as often as its flights are lost at the fix, and :data:`SAVED` of the others that
-    fail without one.
     """
     settings = grower.world.settings
     if settings.selection.rule != "worth" or not settings.branch.fit_trunk:
         return [own]
-    step = fixes[0].step
-    outlooks = []
+    scores = {}
     for point, path in enumerate(front.paths):
-        if len(path.u) <= step:
-            continue
-        failure = outlook(grower, path, min(step, len(path.u) - 1))
-        outlooks.append(Outlook(point, grower.score(failure, length_of(path.x))))
-    outlooks.sort(key=lambda one: one.score)
-    others = [one.point for one in outlooks if one.point != own]
-    return [own, *others[: TRUNKS - 1]]
+        fixes = fixes_on(settings.branch, settings.robot, grower.problem, path)
+        if point != own and fixes:
+            failure = min(outlook(grower, path, fix) for fix in fixes)
+            scores[point] = grower.score(failure, length_of(path.x))
+    return [own, *sorted(scores, key=lambda point: scores[point])[: TRUNKS - 1]]
 
 
-def outlook(grower: Grower, path: PlannedPath, step: int) -> float:
-    """Failure to expect of ``path`` with branches at ``step``."""
-    problem, winds = grower.problem, grower.fitted
+def outlook(grower: Grower, path: PlannedPath, fix: BranchFix) -> float:
+    """Failure to expect of ``path`` with branches at ``fix``: with rests that return to it.
+
+    In each quadrant the mean of the flights is steered back to the path, within the :data:`RETURNS` of the
+    rest, or not at all, whichever fails least.
+    """
+    problem, winds, k = grower.problem, grower.fitted, fix.step
     x = winds.flown(path.u)
     failed = winds.flights.failed(x)
-    begun = Deployment.judged(problem, problem.fidelity.law, np.ascontiguousarray(x[:, : step + 1]))
-    lost = begun.collided | (begun.off_map if problem.scene.walled else False)
-    rows = np.flatnonzero(failed & ~lost)
-    trapped = [np.isinf(problem.logic.distance[problem.states(x[i, : step + 1])[-1]]) for i in rows]
-    lost[rows] = np.array(trapped, bool)
-    return float(lost.mean() + (1.0 - SAVED) * (failed & ~lost).mean())
+    y, taken = winds.measured(fix, x[:, k])
+    since = np.arange(len(path.x)) - k
+    for cell in QUADRANTS:
+        rows = np.flatnonzero(taken & cell.holds(fix.distances(y)))
+        if len(rows) < LEAST_FLIGHTS:
+            continue
+        own, off, tried = winds.only(rows), x[rows].mean(axis=0) - path.x, [failed[rows]]
+        for share in RETURNS:
+            back = np.clip(since / max(share * since[-1], 1.0), 0.0, 1.0)
+            steered = propagate(problem, path.x - back[:, None] * off, unaided(problem.world.law)).u
+            u = whole_controls(path.u, k, within_airspeeds(grower, steered)[k:])
+            tried.append(own.failed(u))
+        failed[rows] = min(tried, key=lambda one: int(one.sum()))
+    return float(failed.mean())

@@ -7,6 +7,7 @@ import { Earth } from "./earth.js";
 import { lengthText, mercator, placeText } from "./geo.js";
 import { ChartMap } from "./map.js";
 import { Panels } from "./panels.js";
+import { Profile } from "./profile.js";
 import { Result } from "./result.js";
 import { byId, html, percent, svg } from "./shapes.js";
 import { kml, outline, Store, withRole } from "./store.js";
@@ -27,14 +28,14 @@ function failed(error) {
 function forgive() { byId("problem").hidden = true; spot = null; }
 
 const store = new Store(() => { if (ready) { panels.show(); drawing.hint(); } backdrop.show(store.mission.backdrop).catch(failed); byId("no-backdrop").hidden = !store.mission.backdrop; map.refresh(); readyToPlan(); }, failed, state => { document.documentElement.dataset.mission = state; });
-let ready = false, earth, drawing, panels, result, studies;
+let ready = false, earth, drawing, panels, profile, result, studies;
 const backdrop = new Backdrop(() => map.refresh());
 
-const map = new ChartMap(byId("map"), view => [...earth?.layer.names(view) ?? [], ...backdrop.shapes(view), ...windShapes(view), ...drawing?.shapes(view, result?.view?.line ?? []) ?? [], ...result?.shapes(view) ?? [], ...spotShapes(view)], {
+const map = new ChartMap(byId("map"), view => [...earth?.layer.names(view) ?? [], ...backdrop.shapes(view), ...windShapes(view), ...profile?.shapes(view) ?? [], ...drawing?.shapes(view, result?.view?.line ?? []) ?? [], ...result?.shapes(view) ?? [], ...spotShapes(view)], {
   press: (place, target) => target.dataset?.fix !== undefined ? { kind: "fix" } : drawing.press(place, target),
   drag: (held, place, before) => held.kind === "fix" ? result.dragFix(place) : drawing.drag(held, place, before),
   dropped: held => { if (held.kind !== "fix") store.changed(); },
-  move: place => { byId("where").textContent = `${placeText(place)}${windText(place)}`; drawing.move(place); },
+  move: place => { byId("where").textContent = `${placeText(place)}${windText(place)}`; drawing.move(place); profile?.take(place); },
   click: (place, target) => drawing.click(place, target),
 }, { under: () => earth?.shapes() ?? [] });
 
@@ -47,9 +48,15 @@ function windShapes(view) {
   return result.view ? result.wind.shapes(view, result.view.t[result.step]) : studies.before.shapes(view, studies.time);
 }
 
+/** The wind that the map shows: its result, layer and time; null if there is none. */
+function windShown() {
+  if (result?.view) return { id: result.id, layer: result.wind, time: result.view.t[result.step] };
+  return studies?.before.view ? { id: studies.shownId, layer: studies.before, time: studies.time } : null;
+}
+
 /** The expected wind under the pointer. */
 function windText(place) {
-  const found = result?.view ? result.wind.near(place, result.view.t[result.step]) : studies?.before.near(place, studies.time);
+  const shown = windShown(), found = shown?.layer.near(place, shown.time);
   return !found ? "" : found.water ? `, current ${found.speed.toFixed(2)} m/s sets to ${found.to.toFixed(0)}°, ± ${found.sd.toFixed(2)} m/s` : `, wind ${found.speed.toFixed(1)} m/s (${(found.speed / 0.514444).toFixed(0)} kt) from ${found.from.toFixed(0)}°, ± ${found.sd.toFixed(1)} m/s`;
 }
 
@@ -181,6 +188,7 @@ async function begin() {
   panels = new Panels(store, drawing, failed);
   studies = new Studies({ redraw: () => map.refresh(), failed, request: command => panels.request(command), id: () => result.id, departs: departure => store.change(mission => { mission.departure = departure; }) });
   result = new Result({ studies, redraw: () => { map.refresh(); readyToPlan(); }, fit: () => map.fit(everything()), failed, title: name => store.titleOf(name), remember: id => store.adjust(mission => { mission.plan = id; }) });
+  profile = new Profile({ map, shown: windShown, failed });
   listen();
   panels.offer(await ask("GET", "/api/choices"));
   await store.load();

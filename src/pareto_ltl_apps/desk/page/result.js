@@ -8,7 +8,7 @@ import { drawFront } from "./front.js";
 import { lengthText, placeText } from "./geo.js";
 import { Player } from "./player.js";
 import { drawRisk } from "./risk.js";
-import { byId, duration, flightsText, html, percent, svg, tradeText } from "./shapes.js";
+import { byId, duration, flightsText, html, percent, svg } from "./shapes.js";
 import { WindLayer } from "./wind.js";
 
 const STAGES = {
@@ -219,11 +219,14 @@ export class Result {
     const facts = [["Fails", rate, `${range}${row.failure_low === null ? "" : " (95 %)"}, in ${SOURCES[this.front.law] ?? this.front.law}${fixless}`], ["Length", lengthText(row.length_m), order.length ? `order ${order.map(this.title).join(" → ")}` : ""],
       ["Duration", duration(row.duration_s), `${row.steps} steps`], ...view.utc ? [["Arrival", `${view.utc.at(-1).slice(11, 16)} UTC`, `${view.utc.at(-1).slice(0, 10)}${localText(view.utc.at(-1))}`]] : []];
     byId("facts").replaceChildren(...facts.map(([name, value, note]) => html("div", {}, html("dt", {}, name), html("dd", {}, value, html("small", {}, note)))));
-    byId("trade").textContent = tradeText(this.front.points, this.shown, this.front.promise?.floor);
+    byId("trade").textContent = this.titled(this.front.trades[this.shown]);
     this.showComparison();
     byId("warnings").replaceChildren(...(this.state?.warnings ?? []).map(text => html("li", {}, text)));
     byId("front-note").textContent = [POINTS, ...this.checking ? [CHECKING] : [], ...view.tree ? [branchNote(view.tree)] : []].join(" ");
   }
+
+  /** A sentence of the planner with the titles of regions. */
+  titled(text) { return text.replace(/(?<=It turns in )[^,]+/, names => names.split(" and ").map(this.title).join(" and ")); }
 
   /** Keep the point that is shown, beside others that were kept, also of other plans; once more: let it go. */
   keep() {

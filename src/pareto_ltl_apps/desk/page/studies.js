@@ -13,7 +13,7 @@ const utcText = time => `${time.slice(0, 10)} ${time.slice(11, 16)} UTC`, bothTe
 export class Studies {
   /** `departs(time)` takes a departure; `request(command)` is the body of a plan. */
   constructor({ redraw, failed, departs, request, id }) {
-    Object.assign(this, { redraw, failed, departs, request, id, beacons: null, before: new WindLayer(), time: 0, working: null });
+    Object.assign(this, { redraw, failed, departs, request, id, beacons: null, before: new WindLayer(), time: 0, working: null, shownId: null });
     const on = (name, kind, act) => byId(name).addEventListener(kind, event => { Promise.resolve(act.call(this, event)).catch(failed); });
     on("find-beacon", "click", this.findBeacon);
     on("show-check", "click", this.showCheck);
@@ -86,7 +86,7 @@ export class Studies {
     const state = await this.run("/api/plans", this.request("wind"), byId("leave-said"));
     if (!state) return;
     const view = await ask("GET", `/api/plans/${state.id}/wind`), slider = byId("leave"), dated = Boolean(view.utc);
-    this.before = new WindLayer(view);
+    Object.assign(this, { before: new WindLayer(view), shownId: state.id });
     byId("leave-part").hidden = !dated;
     document.querySelector("main").classList.add("planned");  // the map stays in sight of the slider
     if (dated) {
@@ -107,7 +107,7 @@ export class Studies {
   moveTo(time) {
     this.time = (time - Date.parse(this.before.view.utc[0])) / 1000;
     const text = bothTexts(new Date(time).toISOString());
-    byId("leave-said").textContent = `Leaves ${text}${this.before.view.level ? `; wind at ${this.before.view.level}` : ""}${this.age(time)}. ${this.before.legend}`;
+    byId("leave-said").textContent = `Leaves ${text}${this.before.view.level ? `; wind at ${this.before.view.level}` : ""}${this.age(time)}. ${this.before.legend.replace(/^up/, "Up")}`;
     byId("leave").setAttribute("aria-valuetext", text);
     this.redraw();
   }

@@ -41,15 +41,6 @@ export function flightsText(rate, low, high) {
   return [`${number(rate)} of ${whole.toLocaleString("en")} flights`, `${number(low)} to ${number(high)}`];
 }
 
-/** What the best shorter and the best longer of some points ({failure, failure_low, length_m}) would give instead of one, in words; below the `floor` of the law, what can be said. */
-export function tradeText(points, k, floor = 0) {
-  const here = points[k], share = p => p.failure < floor ? `fewer than ${flightsText(floor, floor, floor)[0]}` : flightsText(p.failure, p.failure_low ?? p.failure, p.failure_high ?? p.failure)[0], km = metres => metres >= 2000 ? `${(metres / 1000).toLocaleString("en", { maximumFractionDigits: 1 })} km` : `${metres.toFixed(0)} m`;
-  const best = some => some.reduce((a, b) => b.failure < a.failure ? b : a, some[0]);
-  const shorter = best([0.9, 0.97].map(part => points.filter(p => p.length_m <= part * here.length_m)).find(some => some.length) ?? []), longer = best(points.filter(p => p.length_m > here.length_m && Math.max(p.failure, floor) < here.failure));
-  const said = (other, word) => `Point ${points.indexOf(other)} is ${km(Math.abs(other.length_m - here.length_m))} ${word}: ${share(other)} fail${share(other) === share(here) ? " too" : ` instead of ${share(here)}`}, in the winds in which paths are compared.`;
-  return [shorter && said(shorter, "shorter"), longer && said(longer, "longer")].filter(Boolean).join(" ");
-}
-
 /** Speeds in m/s, with two decimals if the largest of them is below 3 m/s, as of a glider. */
 export const speedTexts = (...speeds) => speeds.map(speed => speed.toFixed(Math.max(...speeds) < 3 ? 2 : 1));
 

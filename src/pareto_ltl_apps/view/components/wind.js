@@ -7,16 +7,17 @@ import { byId, html, pathOf, speedTexts, svg } from "./shapes.js";
 const LONGEST = 26;  // [pixels] of the arrow of the fastest current, and of a barb's shaft
 const COLOURS = [0, 1, 2, 3, 4];  // of speeds, in the style sheet
 const SLOW = 2.5;  // [m/s] below which barbs of 5 kt say nothing
-const KT = 1852 / 3600;  // [m/s]
+export const KT = 1852 / 3600;  // [m/s]
 
-function arrow(x, y, dx, dy) {
+/** An arrow about pixels x, y along (dx, dy). */
+export function arrow(x, y, dx, dy) {
   const tip = [x + dx / 2, y + dy / 2], side = one => [tip[0] - 0.32 * dx + one * 0.18 * dy, tip[1] - 0.32 * dy - one * 0.18 * dx];
   return pathOf([[x - dx / 2, y - dy / 2], tip]) + pathOf([side(1), tip, side(-1)]);
 }
 
 /** A barb at pixels x, y for a wind toward (dx, dy), a direction, with a speed [m/s]; its shaft is `scale` times LONGEST, and south of the
  *  equator its `side` is -1. */
-function barb(x, y, dx, dy, speed, scale, side) {
+export function barb(x, y, dx, dy, speed, scale, side) {
   let left = Math.round(speed / KT / 5) * 5;
   if (left === 0) return `M${(x - 3).toFixed(1)} ${y.toFixed(1)}a3 3 0 1 0 6 0a3 3 0 1 0 -6 0`;
   const size = Math.hypot(dx, dy) / scale, [u, v] = [-dx / size, -dy / size], at = (along, across) => [x + along * u - side * across * v, y + along * v + side * across * u], parts = [pathOf([at(0, 0), at(LONGEST, 0)])];
@@ -27,6 +28,9 @@ function barb(x, y, dx, dy, speed, scale, side) {
   if (left === 5) parts.push(pathOf([at(along, 0), at(along + 1.5, 5)]));
   return parts.join("");
 }
+
+/** Speed [m/s] of a vector to east and north, where it comes from and where it sets to [deg]. */
+export const flowOf = ([u, v]) => ({ speed: Math.hypot(u, v), from: (Math.atan2(-u, -v) * 180 / Math.PI + 360) % 360, to: (Math.atan2(u, v) * 180 / Math.PI + 360) % 360 });
 
 export class WindLayer {
   /** `view` has the wind at some times `t` [s] and places `at`: `uv`, `sd` [m/s]; null: no wind. */
@@ -56,15 +60,24 @@ export class WindLayer {
   /** The speed [m/s] at the end of the colours, a round number. */
   get top() { return roundAbove(Math.max(this.fastest, 1e-9)); }
 
-  /** The expected wind at the node of the lattice nearest to a place: speed [m/s] and where it comes from [deg], or null. */
-  near(place, seconds) {
+  /** The number of the node of the lattice nearest to a place; null if there is none near it. */
+  node(place) {
     const { view } = this;
     if (!view?.at.length) return null;
     const away = view.at.map(([lon, lat]) => Math.hypot(((lon - place[0] + 540) % 360 - 180) * Math.cos(lat * Math.PI / 180), lat - place[1])), n = away.indexOf(Math.min(...away));
     const gap = view.at.length > 1 ? Math.hypot(view.at[1][0] - view.at[0][0], view.at[1][1] - view.at[0][1]) : 1;
-    if (away[n] > 2 * gap) return null;
-    const k = Math.max(0, view.t.findLastIndex(one => one <= seconds)), [u, v] = view.uv[k][n];
-    return { speed: Math.hypot(u, v), from: (Math.atan2(-u, -v) * 180 / Math.PI + 360) % 360, to: (Math.atan2(u, v) * 180 / Math.PI + 360) % 360, sd: view.sd[k][n], water: String(view.level ?? "").endsWith("depth") };
+    return away[n] > 2 * gap ? null : n;
+  }
+
+  /** Whether it is a current. */
+  get water() { return String(this.view?.level ?? "").endsWith("depth"); }
+
+  /** The expected wind at the node nearest to a place: speed [m/s], where it comes from and sets to [deg], sd [m/s]; or null. */
+  near(place, seconds) {
+    const { view } = this, n = this.node(place);
+    if (n === null) return null;
+    const k = Math.max(0, view.t.findLastIndex(one => one <= seconds));
+    return { ...flowOf(view.uv[k][n]), sd: view.sd[k][n], water: this.water };
   }
 
   /** A cell about each place of the lattice, the darker the less certain the wind is. */

@@ -33,6 +33,7 @@ from pareto_ltl_apps.view.page import points
 from pareto_ltl_apps.view.page.ground import map_places, shown_geography, shown_map, shown_trees, shown_wind
 from pareto_ltl_apps.view.page.machine import shown_automaton
 from pareto_ltl_apps.view.records import ShownRun
+from pareto_ltl_apps.view.trade import Trade
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -99,6 +100,7 @@ def page_content(run: ShownRun) -> Content:
         "trees": [] if paths or alone else shown_trees(run.scene, run.forest),
         "judge": "flights" if front is not None and front.rates else "bound",
         "points": [] if front is None else points.shown_points(front),
+        "trades": [] if front is None else Trade.of(run.scene, front, plan).paragraphs(),
         "chosen": chosen,
         "paths": paths,
         "flights": flights,
@@ -109,7 +111,6 @@ def page_content(run: ShownRun) -> Content:
         "causes": list(Deployment.CAUSES),
         "automaton": None if run.automaton is None else shown_automaton(run.automaton),
         "notCovered": "" if plan is None else plan.not_covered,
-        "floor": 0.0 if plan is None or plan.promise is None else plan.promise.floor,
         "promise": None if plan is None or plan.promise is None else asdict(plan.promise.rate),
     } | alone
     words = mission_in_words(formula)

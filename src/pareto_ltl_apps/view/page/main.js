@@ -6,7 +6,7 @@ import { lengthText } from "./geo.js";
 import { drawMachine, markMachine } from "./machine.js";
 import { Player } from "./player.js";
 import { drawRisk } from "./risk.js";
-import { byId, duration, flightsText, html, percent, tradeText } from "./shapes.js";
+import { byId, duration, flightsText, html, percent } from "./shapes.js";
 
 const player = new Player(step => {
   shown.step = step;
@@ -69,7 +69,7 @@ function showFront() {
   drawFront(byId("front"), PAGE.points, { shown: shown.point, chosen: PAGE.chosen, choose: showPoint, text, hollow: k => !isDrawn(k) });
   const [{ law, runs }] = PAGE.points;
   byId("front-note").textContent = PAGE.judge === "bound" ? `Each point is a path. Up: an upper bound on its failures under ${law} ${FLOWS}. Click a point to see its path.`
-    : `Each point is a path. Up: how many of its ${runs.toLocaleString("en")} flights under ${law} ${FLOWS} fail, with the 95 % interval. Click a point to see its path. ${tradeText(PAGE.points, shown.point, PAGE.floor)}`;
+    : `Each point is a path. Up: how many of its ${runs.toLocaleString("en")} flights under ${law} ${FLOWS} fail, with the 95 % interval. Click a point to see its path. ${PAGE.trades[shown.point]}`;
 }
 
 function showRisk() {

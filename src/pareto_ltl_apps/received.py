@@ -4,7 +4,7 @@ Settings are values. Those that act (connect to a cluster or a server, continue 
 elsewhere) count only if the user writes them on the command line. A file that they name is read in three more
 cases: it lies in the directory, it is part of the package, or it is the file that the run read, by the
 SHA-256 in ``run.json``. To compare that, it is opened; nothing else of it is used. ``rerun`` refuses all else
-(:func:`allowed_settings`). All other commands make a run whose settings cannot act (:func:`inert`).
+(:func:`allowed_settings`). All other commands make a run whose settings cannot act (``Run.open``).
 """
 
 from __future__ import annotations
@@ -13,21 +13,19 @@ import os
 import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pareto_ltl.settings import Settings
-from pareto_ltl.settings.building import read_settings_file
-from pareto_ltl.settings.wind import LAW_WORDS, WIND_SOURCES
+from pareto_ltl import Settings
+from pareto_ltl.extend import ALL_WIND, wind_source, wind_sources
+from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.fingerprints import unchanged
 from pareto_ltl.support.links import is_below
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.resources import PACKAGE
-from pareto_ltl.wind.sources import wind_source
-from pareto_ltl.world.map_file import map_formats
+from pareto_ltl_apps.formats.map_formats import linked_files
 
 GRANTED = (  # settings that a user may write after the directory
     "evaluation.cluster", "evaluation.resume", "wind.source", "wind.base_url", "wind.offline", "wind.path",
@@ -52,15 +50,6 @@ class Act(NamedTuple):
         return shlex.quote(shown_text(f"{self.key}={self.value}", LONGEST_PATH))
 
 
-def inert(settings: Settings) -> Settings:
-    """``settings`` that open no connection and continue no other run; no result depends on these."""
-    return replace(
-        settings,
-        evaluation=replace(settings.evaluation, cluster=None, resume=None),
-        wind=replace(settings.wind, base_url=None),
-    )
-
-
 def allowed_settings(directory: Path, inputs: Mapping[str, Any], words: Sequence[str]) -> Settings:
     """The settings of ``directory`` with the user's ``words``, each ``KEY=VALUE`` with a key of GRANTED.
 
@@ -72,7 +61,7 @@ def allowed_settings(directory: Path, inputs: Mapping[str, Any], words: Sequence
         If a word is none of these, or a setting would act without one.
     """
     given = granted_settings(words)
-    settings = read_settings_file(directory / "config_resolved.yaml", given)
+    settings = Settings.of_file(directory / "config_resolved.yaml", given)
     known = KnownFiles(directory, inputs)
     refused = [act for act in acts(settings, known, given) if act.key not in given]
     if refused:
@@ -111,9 +100,9 @@ def acts(settings: Settings, known: KnownFiles, given: Mapping[str, Any]) -> Ite
         yield Act("evaluation.resume", study.resume, f"continue the run in {_shown(study.resume)}")
     if wind.base_url is not None:
         yield Act("wind.base_url", wind.base_url, f"download from {_shown(wind.base_url)}")
-    elif wind.source not in WIND_SOURCES:
+    elif wind.source not in wind_sources():
         yield Act("wind.source", wind.source, f"run the wind source {_shown(wind.source)} of another package")
-    elif WIND_SOURCES[wind.source].live and not wind.offline and "wind.offline" not in given:
+    elif wind_sources()[wind.source].live and not wind.offline and "wind.offline" not in given:
         yield Act("wind.source", wind.source, "download a forecast")
     for key, name in named_files(settings):
         if key not in given and not known.knows(name):
@@ -153,7 +142,7 @@ def law_file(settings: Settings) -> str | None:
 
 
 def _reads_path(settings: Settings) -> bool:
-    kind = WIND_SOURCES.get(settings.wind.source)
+    kind = wind_sources().get(settings.wind.source)
     return kind is not None and kind.reads_path
 
 
@@ -194,7 +183,7 @@ class KnownFiles:
             return self.knows(str(path))
 
         maps = [Path(name).expanduser() for name in names if self.knows(name)]
-        links = (link for path in maps for link in map_formats().linked(path, may_read))
+        links = (link for path in maps for link in linked_files(path, may_read))
         return next((link for link in links if not may_read(link)), None)
 
     def knows_wind(self, settings: Settings) -> bool:
@@ -219,8 +208,6 @@ class KnownFiles:
 
 def wind_files(settings: Settings) -> tuple[Path, ...]:
     """The files of ``wind.path``; none if there are none."""
-    from pareto_ltl.wind.area import ALL_WIND
-
     try:
         return wind_source(settings.wind).files(settings.wind, ALL_WIND)
     except DataError:

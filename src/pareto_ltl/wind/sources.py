@@ -1,33 +1,24 @@
-"""Sources of wind readings, which all return :class:`Readings`: tables here, other formats by entry points.
-
-:func:`sources` is the table of the values of ``wind.source``; other packages can add values by entry points.
-"""
+"""The readings of the source that ``wind.source`` names, and of files and datasets from Python."""
 
 from __future__ import annotations
 
 import glob
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.settings.wind import WIND_SOURCES, usual_level
+from pareto_ltl.settings.wind import WindSource, usual_level, wind_formats, wind_sources
 from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.extensions import FORMAT_GROUP, installed_object, known_kind
+from pareto_ltl.support.extensions import known_kind
 from pareto_ltl.support.file_formats import is_data_file
-from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, table_level
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.wind.area import ALL_WIND, Wanted
-from pareto_ltl.wind.readings import CALM, Readings
-from pareto_ltl.wind.sources.csv_files import read_csv_files
-
-SAMPLE_FILE = Path(__file__).parents[2] / "support" / "data" / "gfs_conus_20181009.csv"
+from pareto_ltl.wind.readings import Readings
 
 
 def data_files(cfg: WindConfig, _wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
@@ -58,77 +49,6 @@ def data_files(cfg: WindConfig, _wanted: Wanted = ALL_WIND) -> tuple[Path, ...]:
     return tuple(sorted(found))
 
 
-Reader = Callable[[WindConfig, Wanted], Readings]
-Files = Callable[[WindConfig, Wanted], tuple[Path, ...]]
-
-
-@dataclass(frozen=True, slots=True)
-class WindSource:
-    """One value of ``wind.source``.
-
-    Attributes
-    ----------
-    read : callable
-        Returns checked :class:`Readings` for the settings of the wind and the wanted part; raises a
-        DataError if a file is not valid.
-    files : callable
-        The files that ``read`` opens, for the records of a run; raises a DataError if there are none.
-    forecast_error : str
-        The value of ``wind.forecast_error=auto``.
-    modelled : bool
-        The readings are fields of a weather model, whose age and analyses count; not observations.
-    """
-
-    read: Reader
-    files: Files
-    forecast_error: str = "gfs"
-    modelled: bool = True
-
-
-def _read_csv(cfg: WindConfig, _wanted: Wanted) -> Readings:
-    """Readings of CSV tables at ``wind.level``, which they do not state; at a depth, they are currents."""
-    level = table_level(cfg.level, (HEIGHT, PRESSURE, DEPTH), "a table of winds or currents")
-    current = level.kind == DEPTH
-    return read_csv_files(data_files(cfg), cfg.max_speed, current).at_stated_level(level)
-
-
-def _read_given(_cfg: WindConfig, _wanted: Wanted) -> Readings:
-    raise ConfigError(
-        "wind.source=given: the wind is an object in Python, pareto_ltl.plan(..., wind=readings); expected "
-        "a source that reads files"
-    )
-
-
-_OWN: dict[str, tuple[Reader, Files]] = {
-    "sample": (lambda cfg, _: read_csv_files((SAMPLE_FILE,), cfg.max_speed), lambda *_: (SAMPLE_FILE,)),
-    "csv": (_read_csv, data_files),
-    "given": (_read_given, lambda *_: ()),
-    "calm": (lambda *_: CALM, lambda *_: ()),
-}
-
-
-class WindFormats(NamedTuple):
-    """The readers of files of others: the object ``winds`` of the entry points ``pareto_ltl.formats``.
-
-    Attributes
-    ----------
-    readers : mapping of str to (Reader, Files)
-        Functions that read, and that name the files, for values of ``wind.source``.
-    source_of_path : callable
-        The value of ``wind.source`` for a file, a folder or a pattern; DataError if there is none.
-    """
-
-    readers: Mapping[str, tuple[Reader, Files]]
-    source_of_path: Callable[[str | Path], str]
-
-
-@lru_cache
-def wind_formats() -> WindFormats:
-    """The installed readers of wind files."""
-    found: WindFormats = installed_object(FORMAT_GROUP, "winds")
-    return found
-
-
 def source_of_path(path: str | Path) -> str:
     """The value of ``wind.source`` for a file, all files of a folder, or the matches of a pattern.
 
@@ -140,20 +60,10 @@ def source_of_path(path: str | Path) -> str:
     return wind_formats().source_of_path(path)
 
 
-@lru_cache
-def sources() -> dict[str, WindSource]:
-    """The values of ``wind.source`` with their readers."""
-    readers = _OWN | dict(wind_formats().readers)
-    return {
-        name: WindSource(*readers[name], kind.forecast_error, kind.modelled)
-        for name, kind in WIND_SOURCES.items()
-    }
-
-
 def wind_source(cfg: WindConfig) -> WindSource:
-    """The source ``wind.source``: one of :func:`sources`, or of another package; KeyError if unknown."""
+    """The source ``wind.source``: one of this package, or of another package; KeyError if unknown."""
     group = extensions.WIND_SOURCE_GROUP
-    return known_kind(group, sources(), cfg.source, lambda loaded: isinstance(loaded, WindSource))
+    return known_kind(group, wind_sources(), cfg.source, lambda loaded: isinstance(loaded, WindSource))
 
 
 def read_readings(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> Readings:

@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
+from pareto_ltl.extend import Place
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.world.scene_sketch import Place
 
 BEND = 2e-4  # of the longer side of the map: how far a straight edge may pass from the true one
 CRS_BEND = 30.0  # [m] the same for edges of another system, before the size of the map is known

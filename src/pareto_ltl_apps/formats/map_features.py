@@ -14,19 +14,18 @@ from typing import Any
 import numpy as np
 import shapely
 
+from pareto_ltl.extend import Place, TimedPlace, Unread, called, read_corners, read_fix, read_start
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.map_lengths import HIGHEST, LOWEST, height, length_in_metres
-from pareto_ltl.support.messages import shown_text
+from pareto_ltl.support.messages import shown_text, shown_value
+from pareto_ltl.support.projections import refuse_files
 from pareto_ltl.support.reading import shown_json
-from pareto_ltl.world import projection
-from pareto_ltl.world.map_file import MapFile, Unread, map_formats
-from pareto_ltl.world.scene import read_fix
-from pareto_ltl.world.scene_edges import straight_in_crs
-from pareto_ltl.world.scene_roles import FEATURE_ROLES, LEFT_OUT, SYNONYMS, RoleRules
-from pareto_ltl.world.scene_sketch import Place, called, read_corners, read_start
-from pareto_ltl.world.windows import TimedPlace
+from pareto_ltl_apps.formats.map_airspace import with_limits
+from pareto_ltl_apps.formats.map_edges import straight_in_crs
+from pareto_ltl_apps.formats.map_file import MapFile
+from pareto_ltl_apps.formats.map_roles import FEATURE_ROLES, LEFT_OUT, SYNONYMS, RoleRules
 
 LEVELS = {  # of lists in the coordinates of a geometry
     "Point": 1, "MultiPoint": 2, "LineString": 2, "MultiLineString": 3, "Polygon": 3, "MultiPolygon": 4
@@ -71,7 +70,7 @@ class FeatureReader:
         where, self.total = self.where, self.total + 1
         what = _title(number, feature)
         _member(where, what, feature, "properties")
-        feature = map_formats().with_limits(where, what, feature)
+        feature = with_limits(where, what, feature)
         properties = {
             str(key).strip().lower(): value for key, value in (feature.get("properties") or {}).items()
         }
@@ -140,7 +139,7 @@ class FeatureReader:
         if name is not None:
 
             def degrees(corners: FloatArray) -> FloatArray:
-                return projection.degrees_of(self.where, name, corners)
+                return degrees_of(self.where, name, corners)
 
             place = replace(
                 place,
@@ -213,6 +212,35 @@ class FeatureReader:
                 self.unread.lost[f"a point outside of {what}: a tower needs the property buffer"] += 1
 
 
+def degrees_of(where: str, crs: str, points: FloatArray) -> FloatArray:
+    """Longitude and latitude (N, 2) [deg] of ``points`` (N, 2) in the system ``crs``, e.g. ``EPSG:3857``.
+
+    The order of the axes is east, north (or longitude, latitude), also if ``crs`` defines another order.
+
+    Raises
+    ------
+    DataError
+        If the system is unknown or a point lies outside of it; ``where`` begins the message.
+    """
+    import pyproj
+
+    refuse_files(crs)
+    try:
+        change = pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
+    except pyproj.exceptions.ProjError:
+        raise DataError(
+            f"{where}: PROJ does not know the crs {shown_value(crs)}; convert the map to "
+            "longitude and latitude and leave crs out"
+        ) from None
+    lonlat = np.column_stack(change.transform(points[:, 0], points[:, 1]))
+    if not np.isfinite(lonlat).all():
+        x, y = points[~np.isfinite(lonlat).all(axis=1)][0]
+        raise DataError(
+            f"{where}: ({x:.6g}, {y:.6g}) lies outside of crs {shown_value(crs)}; check the units"
+        )
+    return lonlat
+
+
 def in_degrees(feature: Mapping[str, Any], file: MapFile) -> dict[str, Any]:
     """A checked GeoJSON feature of ``file`` with longitudes and latitudes as coordinates."""
     name = file.crs
@@ -225,7 +253,7 @@ def in_degrees(feature: Mapping[str, Any], file: MapFile) -> dict[str, Any]:
             }
         if value and isinstance(value[0], list | dict):
             return [moved(one) for one in value]
-        return projection.degrees_of(file.where, name, np.array([value[:2]], float))[0].tolist()
+        return degrees_of(file.where, name, np.array([value[:2]], float))[0].tolist()
 
     return {**feature, "geometry": moved(feature["geometry"])}
 

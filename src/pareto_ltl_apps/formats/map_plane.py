@@ -10,19 +10,16 @@ from functools import partial
 import numpy as np
 import shapely
 
+from pareto_ltl.extend import Frame, Place, SceneSketch, open_bounds
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.reading import shown_json
-from pareto_ltl.world import projection
-from pareto_ltl.world.map_file import MapFile
-from pareto_ltl.world.projection import Frame
-from pareto_ltl.world.scene_edges import straight_in_degrees, unwrapped
-from pareto_ltl.world.scene_features import Drawn, FeatureReader
-from pareto_ltl.world.scene_roles import FEATURE_ROLES
-from pareto_ltl.world.scene_sketch import Place, SceneSketch
+from pareto_ltl_apps.formats.map_edges import straight_in_degrees, unwrapped
+from pareto_ltl_apps.formats.map_features import Drawn, FeatureReader
+from pareto_ltl_apps.formats.map_file import MapFile
+from pareto_ltl_apps.formats.map_roles import FEATURE_ROLES
 
-LEAST_ROOM = 0.07  # of the longer side of a drawing without a border
 RECTANGULAR = 1e-9  # a border is a rectangle if it lacks at most this share of its bounding box
 
 
@@ -48,7 +45,7 @@ def sketch_features(files: Sequence[MapFile], reader: FeatureReader) -> SceneSke
     borders = [place for role, place in zip(roles, places, strict=True) if role == "border"]
     border = borders[0] if borders else None
     box = _bounding_box(np.concatenate([place.corners for place in (borders or places)]))
-    crs = projection.local_plane(*box.mean(axis=0)[::-1].tolist())
+    crs = str(Frame.at(*box.mean(axis=0)[::-1].tolist()).crs)
 
     def metres(corners: FloatArray) -> FloatArray:
         return Frame(crs).to_plane(*corners.T)
@@ -99,19 +96,6 @@ def _turned(crs: str, place: Place) -> Place:
     return replace(place, fix=place.fix._replace(bearing=place.fix.bearing - turn))
 
 
-def least_room(drawing: FloatArray) -> float:
-    """The least margin [m] about a ``drawing`` (2, 2) [m], so that flights can pass outside of its places."""
-    return LEAST_ROOM * float(np.ptp(drawing, axis=0).max())
-
-
-def open_bounds(drawing: FloatArray, margin: float = 0.0) -> FloatArray:
-    """The box (2, 2) [m] in which plans lie on a map without a border: ``drawing`` (2, 2) [m] with a margin.
-
-    The sky is open: leaving the box is no failure. The margin is at least :func:`least_room`.
-    """
-    return _bounding_box(drawing, max(margin, least_room(drawing)))
-
-
 def _rectangle_bounds(where: str, border: Place, metres: Callable[[FloatArray], FloatArray]) -> FloatArray:
     """Bounds (2, 2) [m]: the box around a rectangular ``border`` [deg], moved inwards by its buffer."""
     low, high = _bounding_box(metres(_subdivided_outline(border.polygons[0][0])))
@@ -142,5 +126,5 @@ def _subdivided_outline(corners: FloatArray) -> FloatArray:
     )
 
 
-def _bounding_box(points: FloatArray, margin: float = 0.0) -> FloatArray:
-    return np.stack([points.min(axis=0) - margin, points.max(axis=0) + margin])
+def _bounding_box(points: FloatArray) -> FloatArray:
+    return np.stack([points.min(axis=0), points.max(axis=0)])

@@ -1,21 +1,18 @@
-"""The tables of ``docs/install.md``: what an installation brings, with size, licence and purpose.
+"""What an installation brings, with size, licence and purpose, of an environment with all extras.
 
-``python release/packages.py``, in an environment with all extras, prints them; ``--write`` puts them into the
-page.
+``python release/docs_site/package_tables.py`` prints the tables; on the site they stand in
+``docs/install.md``, in place of ``<!-- packages -->``. The page itself states number and size.
 """
 
 from __future__ import annotations
 
-import platform
 import re
-import sys
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 
 from packaging.requirements import Requirement
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "install.md"
-BEGIN, END = "<!-- packages: python release/packages.py --write -->", "<!-- end of packages -->"
+MARK = "<!-- packages -->"
 PROJECT = "pareto-ltl"
 OF_CLASSIFIER = "License :: OSI Approved :: "
 PURPOSES = {
@@ -104,24 +101,19 @@ def megabytes(package: Distribution) -> float:
     return sum(path.stat().st_size for path in paths if path.is_file()) / 1e6
 
 
-def purpose(name: str, users: list[str]) -> str:
-    """What a package is for: our use of it, else what needs it."""
-    return PURPOSES.get(name) or "for " + ", ".join(sorted(users))
-
-
 def tables() -> str:
-    """Both tables: the packages of the core, and what each extra adds."""
+    """Our requirements, the packages that these need by licence, and what each extra adds."""
     core = needed()
     sizes = {name: megabytes(package) for name, (package, _) in core.items()}
-    system = f"Python {'.'.join(map(str, sys.version_info[:2]))} on {platform.system()} {platform.machine()}"
-    lines = [
-        f"Without extras, with {system}: {len(core)} packages, {sum(sizes.values()):.0f} MB.",
-        "",
-        "| package | version | licence | MB | what for |", "|---|---|---|---|---|",
-    ]  # fmt: skip
-    for name, (package, users) in core.items():
-        cells = (name, package.version, licence(package), f"{sizes[name]:.1f}", purpose(name, users))
-        lines.append(f"| {' | '.join(cells)} |")
+    lines = ["| package | licence | MB | what for |", "|---|---|---|---|"]
+    others: dict[str, list[str]] = {}
+    for name, (package, _) in core.items():
+        if name in PURPOSES:
+            lines.append(f"| {name} | {licence(package)} | {sizes[name]:.1f} | {PURPOSES[name]} |")
+        else:
+            others.setdefault(licence(package), []).append(f"{name} {sizes[name]:.1f}")
+    lines += ["", "| licence | packages that these need [MB] |", "|---|---|"]
+    lines += [f"| {name} | {', '.join(others[name])} |" for name in sorted(others)]
     lines += ["", "| extra | what for | MB more | packages |", "|---|---|---|---|"]
     for extra, use in EXTRAS.items():
         more = {name: package for name, (package, _) in needed((extra,)).items() if name not in core}
@@ -130,15 +122,12 @@ def tables() -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Print the tables, or write them into the page."""
-    if "--write" not in sys.argv[1:]:
-        print(tables())
-        return
-    text = PAGE.read_text(encoding="utf-8")
-    before, _, rest = text.partition(BEGIN)
-    PAGE.write_text(f"{before}{BEGIN}\n\n{tables()}\n\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+def with_packages(markdown: str) -> str:
+    """A page of the site with the tables in place of the mark."""
+    return markdown.replace(MARK, tables()) if MARK in markdown else markdown
 
 
 if __name__ == "__main__":
-    main()
+    print(tables())
+    found = [megabytes(package) for package, _ in needed().values()]
+    print(f"\nWithout extras: {len(found)} packages, {sum(found):.0f} MB.")
