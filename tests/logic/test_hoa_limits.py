@@ -172,7 +172,7 @@ def test_a_table_of_as_many_entries_as_the_limit_is_read(monkeypatch: pytest.Mon
 
 
 def test_the_depth_of_a_label_is_counted_anew_after_each_bracket() -> None:
-    deep = labels.MAX_LABEL_DEPTH
+    deep = hoa_labels.MAX_LABEL_DEPTH
     side_by_side = " & ".join(["(0)"] * (deep + 50))
     assert parse_hoa(text(label=side_by_side)) == parse_hoa(text())
     assert parse_hoa(text(label="!" * (deep // 2 * 2 - 2) + "0")) == parse_hoa(text())
