@@ -99,21 +99,23 @@ def test_a_run_that_was_killed_at_any_moment_is_made_by_the_same_command(
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_run_that_is_stopped_leaves_no_process_and_no_figure(tmp_path: Path, name: str) -> None:
     process = started(*SMALL, "planner.n_max=1000000", f"hydra.run.dir={tmp_path / 'place'}")
+    record = tmp_path / "place" / "run.json"
     log = tmp_path / "place" / "run.log"  # before, packages are imported, which a signal can make fail
     wait_until(lambda: log.exists() and "problem done" in log.read_text())
     time.sleep(1.0)
     begun = psutil.Process(process.pid).children(recursive=True)
     end = time.monotonic() + PATIENCE
     while process.poll() is None and time.monotonic() < end:
-        # As a terminal does; again, since numba discards an exception that a signal raises while growth loads
-        # its machine code, which takes long on a busy machine.
-        os.killpg(process.pid, signal.Signals[name])
+        # As a terminal does; again if the run goes on, since numba discards an exception that a signal raises
+        # while growth loads its machine code, which takes long on a busy machine.
+        if json.loads(record.read_text())["status"] == "running":
+            os.killpg(process.pid, signal.Signals[name])
         with suppress(subprocess.TimeoutExpired):
             process.wait(30.0)
     err = process.communicate(timeout=PATIENCE)[1]
     assert err.count("\n") == 1, err
     assert not any(child.is_running() for child in begun)
-    assert json.loads((tmp_path / "place" / "run.json").read_text())["status"] == "stopped"
+    assert json.loads(record.read_text())["status"] == "stopped"
     assert not (tmp_path / "place" / "figures").exists()
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from pareto_ltl.support import tables
+from pareto_ltl_apps.formats import tables
 
 WIDEST = ["time", "u", *["x"] * (tables.MAX_COLUMNS - 2)]
 
