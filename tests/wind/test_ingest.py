@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pareto_ltl.wind.ingest import write_wind_table
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.settings.outputs import IngestConfig
@@ -15,6 +14,7 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.readings import Readings
 from pareto_ltl.wind.snapshots import Snapshot, readings_of
+from pareto_ltl_apps.formats.wind_table import write_wind_table
 
 BEGIN, HOUR = seconds("2018-10-09T06:00:00Z"), 3600.0
 EAST, NORTH = (axis.ravel() for axis in np.meshgrid(np.arange(5.0), 50.0 + np.arange(4.0)))
