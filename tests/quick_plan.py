@@ -10,3 +10,4 @@ QUICK_PLAN: dict[str, Any] = {
     "deployment": {"runs": 10},
     "robot": {"dt": 3600.0},
 }
+QUICK_SEARCH: dict[str, Any] = {section: QUICK_PLAN[section] for section in ("refine", "selection")}

@@ -18,7 +18,9 @@ from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.files import write_csv, write_json, write_npz
 from pareto_ltl.support.reading import read_json
 from pareto_ltl_verify.claims.flights import METRICS
+from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.flights import rates
+from pareto_ltl_verify.judge import CLAIMS, findings
 
 COSTS = {
     "length": "length_m",
@@ -44,6 +46,13 @@ def edited(place: Path, copy: Path, lie: Lie) -> Path:
     shutil.copytree(place, copy)
     lie.edit(copy)
     return copy
+
+
+def holds(place: Path, name: str) -> bool:
+    """Whether the claim ``name`` of the results holds; no other one is judged."""
+    (claim,) = (claim for claim in CLAIMS if claim.name == name)
+    (found,) = findings(open_evidence(place), [claim])
+    return found.holds
 
 
 def in_json(name: str, change: Callable[[dict[str, Any]], Any]) -> Callable[[Path], Any]:

@@ -37,6 +37,7 @@ from pareto_ltl_apps.view.limits import (
 from pareto_ltl_apps.view.page.content import page_bytes, page_content
 from pareto_ltl_apps.view.plan_maps import BARS, limits_figure
 from pareto_ltl_apps.view.records import DrawnRun, ShownRun
+from quick_plan import QUICK_SEARCH
 
 HOSTILE = "<img src=x onerror=alert(1)>&\"' $x_1$"
 PRICES = (
@@ -387,6 +388,7 @@ OPEN = {
 
 def test_a_run_on_an_open_map_without_obstacles_has_a_page_and_no_figure_of_limits(tmp_path: Path) -> None:
     few = {"planner": {"trees": 1, "n_max": 400}, "deployment": {"runs": 5}, "report": {"dpi": 30}}
+    few |= QUICK_SEARCH
     fidelity = {"border": "open"}
     exact = dict.fromkeys(("airspeed_sd", "heading_sd", "clock_sd"))
     made = pareto_ltl.plan(

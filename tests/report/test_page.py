@@ -26,6 +26,7 @@ from pareto_ltl_apps.view.page.ground import MAX_CORNERS, rounded, shown_map, sh
 from pareto_ltl_apps.view.page.machine import told_clocks
 from pareto_ltl_apps.view.page.points import MAX_LEGS, told_points
 from pareto_ltl_apps.view.records import Origin, ShownRun
+from quick_plan import QUICK_SEARCH
 
 HOSTILE = "</script><img src=x onerror=alert(1)>&\"'\u2028"
 MILLION = 1_000_000
@@ -311,7 +312,7 @@ def test_a_folder_that_is_no_result_is_one_line(
 
 
 def test_a_run_without_a_page_writes_none(tmp_path: Path) -> None:
-    few = {"planner": {"trees": 1, "n_max": 300}, "deployment": {"runs": 5}, "wind": "calm"}
+    few = {"planner": {"trees": 1, "n_max": 300}, "deployment": {"runs": 5}, "wind": "calm", **QUICK_SEARCH}
     pareto_ltl.plan("phi1", "F a", out=tmp_path / "run", report="none", **few)
     assert not (tmp_path / "run" / "report.html").exists()
     result = pareto_ltl.plan("phi1", "F a", **few)

@@ -21,6 +21,7 @@ import pareto_ltl
 from chromium import PAUSE, Opened, launched, needs_chromium, opened_page
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.errors import InfeasibleError
+from quick_plan import QUICK_SEARCH
 
 DESK, PHONE = (1440, 900), (390, 844)
 
@@ -292,7 +293,9 @@ PLANAR = {
     "obstacles": [[[2e5, 3e5], [3e5, 3e5], [3e5, 9e5], [2e5, 9e5]]],
 }
 WALL = {"obstacles": [[[0, 3e5], [1e6, 3e5], [1e6, 3.5e5], [0, 3.5e5]]]}
-FEW = {"planner": {"trees": 1, "n_max": 400}, "deployment": {"runs": 5}, "wind": "calm"}
+FEW: dict[str, Any] = {
+    "planner": {"trees": 1, "n_max": 400}, "deployment": {"runs": 5}, "wind": "calm", **QUICK_SEARCH,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -19,15 +19,15 @@ from pareto_ltl.support.files import write_json
 from pareto_ltl_apps.cli.arguments import read_length, read_number, read_share
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_verify.judge import verify
-from quick_wind import QUICK_WIND
+from quick_plan import QUICK_SEARCH
 
 PHI1 = "F(a & F b & F c)"
 SMALL: dict[str, Any] = {
     "robot": {"dt": 1800.0},
     "planner": {"trees": 2, "n_max": 1500, "max_steps": 80},
     "smoothing": {"candidates": 2, "weights": [1.0, 100.0]},
+    "refine": {"flights": 60, "sweep_flights": 20, "classes": 1, "points": 5},
     "selection": {"draws": 300, "runs": 500},
-    "wind": QUICK_WIND,
     "deployment": {"runs": 40},
     "report": "none",
 }
@@ -103,7 +103,7 @@ def test_in_memory_the_plan_is_the_same_and_nothing_is_written(preset: str, made
 
 
 def test_a_front_in_memory_is_chosen_from_without_a_directory() -> None:
-    result = pareto_ltl.plan("phi1", PHI1, wind="calm", planner={"trees": 2, "n_max": 800})
+    result = pareto_ltl.plan("phi1", PHI1, wind="calm", planner={"trees": 2, "n_max": 800}, **QUICK_SEARCH)
     shortest = min(path.objectives.length for path in result.front.paths)
     other = pareto_ltl.choose(result, length=shortest)
     assert other.plan.path.objectives.length == shortest

@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,17 +19,19 @@ from pareto_ltl.settings.building import build_settings
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.locks import hold_lock
 from pareto_ltl_apps.exports.kinds import BRANCH_FILES, FORMATS
+from quick_plan import QUICK_SEARCH
 
 MAP = {
     "bounds": [[0, 0], [1e6, 1e6]],
     "start": [1e5, 1e5],
     "regions": {"a": [[4e5, 4e5], [7e5, 4e5], [5e5, 7e5]]},
 }
-QUICK = {
+QUICK: dict[str, Any] = {
     "planner": {"trees": 1, "n_max": 300},
     "deployment": {"runs": 5},
     "wind": "calm",
     "report": {"figures": False},
+    **QUICK_SEARCH,
 }
 
 

@@ -24,9 +24,13 @@ from pareto_ltl.support.files import write_json
 from pareto_ltl_apps.cli.arguments import read_formats, read_metres
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.exports.kinds import FORMATS, ExportFormat, format_names
+from quick_plan import QUICK_SEARCH
 
 DEFAULT = [name for name in FORMATS if name not in ON_REQUEST]
-QUICK = {"planner": {"trees": 1, "n_max": 300}, "deployment": {"runs": 5}, "wind": "calm", "report": "none"}
+QUICK: dict[str, Any] = {
+    "planner": {"trees": 1, "n_max": 300}, "deployment": {"runs": 5}, "wind": "calm", "report": "none",
+    **QUICK_SEARCH,
+}  # fmt: skip
 PLANAR = {
     "bounds": [[0, 0], [1e6, 1e6]],
     "start": [1e5, 1e5],
@@ -116,7 +120,7 @@ def test_heights_and_other_settings_are_given_with_the_command(made: Path, tmp_p
 
 
 def test_a_plan_in_memory_is_exported(tmp_path: Path) -> None:
-    result = pareto_ltl.plan("phi1", "F a", wind="calm", planner={"trees": 2, "n_max": 800})
+    result = pareto_ltl.plan("phi1", "F a", wind="calm", planner={"trees": 2, "n_max": 800}, **QUICK_SEARCH)
     (path,) = pareto_ltl.export(result, tmp_path, ["gpx"], point=0)
     assert "<rtept" in path.read_text()
 

@@ -30,7 +30,7 @@ from quick_wind import QUICK_WIND
 SMALL: dict[str, Any] = {
     "robot": {"dt": 1800.0},
     "planner": {"trees": 3, "n_max": 1500, "max_steps": 80},
-    "refine": {"flights": 100, "sweep_flights": 60, "points": 4},
+    "refine": {"flights": 60, "sweep_flights": 20, "classes": 1, "points": 4},
     "selection": {"draws": 300, "runs": 800},
     "wind": QUICK_WIND,
     "deployment": {"runs": 40},

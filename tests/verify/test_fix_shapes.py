@@ -33,7 +33,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         out=place,
         robot={"dt": 1800.0},
         planner={"trees": 2, "n_max": 1500, "max_steps": 80},
-        refine={"flights": 100, "sweep_flights": 60, "points": 4},
+        refine={"flights": 60, "sweep_flights": 20, "classes": 1, "points": 4},
         selection={"draws": 300, "runs": 2000},
         wind=QUICK_WIND,
         deployment={"runs": 200},

@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 import pareto_ltl
+from lies.editing import holds
 from pareto_ltl.extend import Frame
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl_verify.judge import verify
@@ -65,7 +66,7 @@ def test_errors_that_do_not_follow_from_the_fix_are_found(remade: Path) -> None:
     settings["robot"]["heading_bias"] = 0.0
     try:
         config.write_text(yaml.safe_dump(settings))
-        assert ERRORS in failing(remade)
+        assert not holds(remade, ERRORS)
     finally:
         config.write_text(text)
 

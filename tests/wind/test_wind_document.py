@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import h5netcdf
@@ -15,6 +13,7 @@ import yaml
 
 from noaa import NOAA, ROOT, needs_noaa
 from pareto_ltl.settings.wind import wind_sources
+from pareto_ltl_apps.cli.commands import run_command_line
 
 TEXT = (ROOT / "docs" / "wind.md").read_text()
 COMMANDS = [
@@ -80,20 +79,14 @@ def test_every_source_has_its_line_a_command_and_a_choice():
 
 @needs_noaa
 @pytest.mark.parametrize("command", OFFLINE, ids=lambda text: re.search(r"wind=(\w+)", text)[1])
-def test_a_command_of_the_document_runs_as_it_stands(command, tmp_path):
+def test_a_command_of_the_document_runs_as_it_stands(command, tmp_path, monkeypatch, capsys):
     if "wind=grib" in command:
         pytest.importorskip("eccodes")
     write_currents(tmp_path / "currents.nc")
     write_members(tmp_path / "members.nc")
     words = shlex.split(command.replace("DATA", str(NOAA)).replace("examples/", f"{ROOT}/examples/"))[1:]
     words = words[1:]  # `plan` is the command that stands for the application itself
-    done = subprocess.run(
-        [sys.executable, "-m", "pareto_ltl", *words, STAGES, f"hydra.run.dir={tmp_path / 'run'}"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr + done.stdout
+    monkeypatch.chdir(tmp_path)
+    assert run_command_line([*words, STAGES, f"hydra.run.dir={tmp_path / 'run'}"]) == 0, capsys.readouterr()
     log = (tmp_path / "run" / "run.log").read_text()
     assert "observations done" in log
