@@ -7,6 +7,7 @@ VENV ?= .venv
 ARGS ?=
 CASES ?= 100000
 DIST ?= dist
+LEVEL ?= day
 KINDS ?=
 SEED ?= $(shell date -u +%F)
 NUMBER = $(subst -,,$(SEED))
@@ -42,7 +43,7 @@ desk: $(RUN_READY)-serve ## draw missions and plan them in a browser
 	$(BIN)/pareto-ltl serve
 
 test: $(READY) ## the tests of the day, some minutes; ARGS="tests/planning" goes to pytest
-	PARETO_LTL_TESTS=day $(BIN)/python -m pytest -n logical $(ARGS)
+	PARETO_LTL_TESTS=$(LEVEL) $(BIN)/python -m pytest -n logical $(ARGS)
 
 test-fast: $(READY) ## the tests that run no kernel and start no process, in seconds
 	PARETO_LTL_TESTS=fast $(BIN)/python -m pytest -n logical $(ARGS)
