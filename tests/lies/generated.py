@@ -136,10 +136,11 @@ def changed(value: Any, change: str) -> Any:
 def told(folder: Path, copy: Path, fact: Fact, change: str) -> Path | None:
     """A copy of a result in which a fact is another one; None if the change does not change it.
 
-    Less than 10⁻⁸ of a number is not compared: 2 cm of 2,000 km, 1 cm of a latitude.
+    Less than 10⁻⁸ of a number is not compared: 2 cm of 2,000 km, 1 cm of a latitude; and less than 10⁻⁴ of a
+    covariance, for the modes of the planner have single precision.
     """
     new = changed(fact.value, change)
-    if _alike(fact.value, new):
+    if _alike(fact.value, new, 1e-4 if "cov" in fact.kind.rpartition("/")[2] else 1e-8):
         return None
     if fact.kind == HASH:  # follows from the settings, and is written anew
         return None
@@ -156,10 +157,10 @@ def told(folder: Path, copy: Path, fact: Fact, change: str) -> Path | None:
     return copy
 
 
-def _alike(value: Any, new: Any) -> bool:
+def _alike(value: Any, new: Any, share: float) -> bool:
     try:
         old = float(value)
-        return 0.0 < abs(float(new) - old) <= 1e-8 * abs(old)
+        return 0.0 < abs(float(new) - old) <= share * abs(old)
     except (TypeError, ValueError):
         return False
 

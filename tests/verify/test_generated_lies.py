@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import hypothesis.strategies as st
+import pytest
 from hypothesis import HealthCheck, Phase, given, note, seed, settings
 
 from levels import AT_NIGHT
@@ -126,3 +127,16 @@ def test_a_generated_lie_is_caught_or_listed(
         return
     note(f"{file}: {fact.place} is not {fact.value!r} but {change}")
     assert caught_by(copy, file), f"{file}: {kind} ({change}) passes; PARETO_LTL_LIES_SEED={SEED}"
+
+
+@pytest.mark.parametrize(
+    ("file", "kind", "change"),
+    [("front.npz", "path_#/x/*", "one more"), ("plan.json", "promise/claimed/method", "half")],
+)
+def test_a_lie_that_once_passed_is_caught(
+    file: str, kind: str, change: str, honest: dict[str, Path], tmp_path: Path
+) -> None:
+    known = facts(honest["full"], file)[kind]
+    fact, copy = known[len(known) // 2], tmp_path / "lie"
+    assert told(honest["full"], copy, fact, change) is not None
+    assert caught_by(copy, file)

@@ -83,6 +83,8 @@ def _rate_faults(result: Evidence, stated: dict[str, Any]) -> Iterator[str]:
 
 def _claim_faults(result: Evidence, stated: dict[str, Any]) -> Iterator[str]:
     """The claim is the rate of the plan's row of the front, where a plan bent for its branches has none."""
+    if (method := stated["claimed"].get("method", COUNTED)) != COUNTED:
+        yield f"the claim is of {method}"
     if (result.plan.get("branches") or {}).get("bent") is not None:
         return
     rows = [row for k, row in enumerate(result.front) if np.array_equal(result.front_x(k), result.x)]
@@ -111,7 +113,8 @@ def _of_claim(stated: dict[str, Any], claimed: dict[str, Any]) -> float:
     return float(binom.cdf(_count(claimed), claimed["runs"], stated["low"]))
 
 
-CHANCES = {"flights": _among_flights, WEIGHTED: _of_claim}  # by method
+COUNTED = "flights"
+CHANCES = {COUNTED: _among_flights, WEIGHTED: _of_claim}  # by method
 
 
 def _linearity(result: Evidence) -> float:

@@ -17,6 +17,7 @@ from pareto_ltl_verify.claims.search import tree_names, vertex_path, vertex_risk
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.flights import RARE, rate_of, same_counts, same_rate
 
+FLOWN = 1e-6  # largest difference of a control of a path and the control that its positions need, of u_max
 MAX_PATHS = 6  # paths of the front whose bounds are computed again
 FLOWN_PATHS = 3  # paths of the front that are simulated again
 SHARED_PATHS = 10  # paths of the front that are simulated again in the same winds
@@ -157,7 +158,7 @@ def front_risks(result: Evidence) -> Verdict:
 
 
 def front_paths(result: Evidence) -> Verdict:
-    """Every row agrees with its path in front.npz: start, costs, steps and mission order.
+    """Every row agrees with its path in front.npz: start, controls, costs, steps and mission order.
 
     A path whose origin is a vertex of a tree is the path to that vertex.
     """
@@ -183,6 +184,9 @@ def _path_faults(result: Evidence, row: Mapping[str, str], k: int) -> Iterator[s
         f"order {row['order']} is {orders[0]}": row["order"] not in orders,
     }
     yield from true_of(faults)
+    course = laws.fly_means(result.law(result.planned_law, len(x) - 1), x)
+    if np.abs(course.u - result.front_u(k)).max(initial=0.0) > FLOWN * robot.u_max:
+        yield "its controls do not fly it"
     tree = re.fullmatch(r"tree (\d+) vertex (\d+)", row["origin"])
     grown = vertex_path(result, int(tree[1]), int(tree[2])) if tree and result.has("trees.npz") else x
     if not np.array_equal(grown, x):
@@ -206,8 +210,6 @@ def _bound_faults(result: Evidence, row: Mapping[str, str], k: int) -> Iterator[
     x = result.front_x(k)
     law = result.law(result.planned_law, len(x) - 1)
     course = laws.fly_means(law, x)
-    if np.abs(course.u - result.front_u(k)).max(initial=0.0) > 1e-4 * result.robot.u_max:
-        yield "its controls do not fly it"
     stored = np.asarray(result.front_arrays[f"path_{k:03d}/cov"], float)
     size = np.maximum(np.trace(course.cov, axis1=1, axis2=2), 1e-6)
     if (
