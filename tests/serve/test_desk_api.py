@@ -302,6 +302,29 @@ def test_a_mission_that_cannot_be_planned_says_why(desk: RunningDesk) -> None:
     assert "\n" not in state["error"]
 
 
+def test_a_plan_that_is_removed_leaves_the_list_and_keeps_its_files(desk: RunningDesk) -> None:
+    state = desk.planned(map=drawn("a"), formula="F nowhere", overrides=[*SMALL, "wind=calm"])
+    answer = desk.client.post(f"/api/plans/{state['id']}/remove", json={})
+    moved = Path(answer.json()["moved"])
+    assert (moved / "run.json").is_file()
+    assert moved.parent.name == "removed"
+    assert not Path(state["directory"]).exists()
+    assert state["id"] not in [one["id"] for one in desk.client.get("/api/plans").json()["plans"]]
+    again = desk.client.post(f"/api/plans/{state['id']}/remove", json={})
+    assert again.status_code == 404
+    assert "there is no plan" in again.json()["error"]
+
+
+def test_a_plan_that_runs_is_not_removed(desk: RunningDesk) -> None:
+    words = [*HOP, "planner.n_max=200000", "planner.trees=4"]
+    name = desk.client.post("/api/plans", json={"overrides": words}).json()["id"]
+    answer = desk.client.post(f"/api/plans/{name}/remove", json={})
+    desk.client.delete(f"/api/plans/{name}")
+    assert answer.status_code == 400
+    assert "is running; cancel it before" in answer.json()["error"]
+    assert desk.ended(name)["status"] == "cancelled"
+
+
 def test_a_cancelled_plan_ends_and_the_next_one_is_made(desk: RunningDesk) -> None:
     words = [*HOP, "planner.n_max=200000", "planner.trees=4"]
     name = desk.client.post("/api/plans", json={"overrides": words}).json()["id"]

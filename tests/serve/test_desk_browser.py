@@ -599,6 +599,28 @@ def planned(desk: RunningDesk) -> dict[str, Any]:
     return desk.planned(overrides=HOP)
 
 
+def test_an_earlier_plan_is_removed_once_it_is_confirmed(browser: Browser, desk: RunningDesk) -> None:
+    kept, other = desk.planned(overrides=HOP), desk.planned(overrides=HOP)
+    with opened_desk(browser, desk.address, WIDE, "light") as opened:
+        page, answers = opened.page, [False, True]
+        page.on("dialog", lambda dialog: dialog.accept() if answers.pop(0) else dialog.dismiss())
+        page.locator("#earlier-part").evaluate("part => { part.open = true; }")
+        rows = page.locator("#earlier li")
+        expect(rows.nth(1)).to_be_visible()
+        before = rows.count()
+        rows.nth(1).get_by_role("button").first.click()  # the newest is the first
+        opened.wait("document.querySelector('.vehicle') !== null")
+        rows.nth(1).locator(".remove").click()
+        expect(page.locator("#removed")).to_contain_text("open another one first")
+        rows.first.locator(".remove").click()
+        expect(rows).to_have_count(before)
+        rows.first.locator(".remove").click()
+        expect(rows).to_have_count(before - 1)
+        expect(page.locator("#removed")).to_contain_text(other["id"])
+    assert Path(kept["directory"]).exists()
+    assert not Path(other["directory"]).exists()
+
+
 @pytest.mark.parametrize("seed", range(100 if AT_NIGHT else 4))
 @pytest.mark.usefixtures("planned")
 def test_random_clicks_leave_no_error(browser: Browser, desk: RunningDesk, seed: int) -> None:
@@ -608,7 +630,7 @@ def test_random_clicks_leave_no_error(browser: Browser, desk: RunningDesk, seed:
         begin_anew(opened)
         if seed % 4 > 1:  # with a plan
             page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
-            page.locator("#earlier li", has_text="done").last.locator("button").click()
+            page.locator("#earlier li", has_text="done").last.locator("button").first.click()
             opened.wait("document.querySelector('.vehicle') !== null")
         for _ in range(CLICKS):
             random_click(opened, dice)
@@ -630,7 +652,7 @@ def test_a_point_is_kept_for_comparison_once_its_path_is_there(browser: Browser,
         page, held, waits = opened.page, list[Any](), [True]
         page.route(re.compile("/points/"), lambda route: held.append(route) if waits else route.continue_())
         page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
-        page.locator("#earlier li", has_text="done").last.locator("button").click()
+        page.locator("#earlier li", has_text="done").last.locator("button").first.click()
         opened.wait("document.querySelectorAll('#front .point').length > 0")
         opened.wait("document.getElementById('pin').getClientRects().length > 0")
         page.evaluate("document.getElementById('pin').click()")

@@ -178,6 +178,13 @@ async def cancel_plan(requested: DeskRequest) -> Answer:
     return requested.plans.state(requested.name)
 
 
+@operation("POST", PLAN + "/remove")
+async def remove_plan(requested: DeskRequest) -> Answer:
+    """Take an ended plan from the list; its directory is moved to ``removed/``."""
+    requested.fields()
+    return {"moved": str(requested.plans.remove(requested.name))}
+
+
 @operation("GET", PLAN + "/events")
 async def plan_events(requested: DeskRequest) -> Answer:
     """Server-sent events: stage, progress, paths, status."""

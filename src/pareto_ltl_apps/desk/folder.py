@@ -11,6 +11,7 @@ import json
 import re
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.reading import read_json
 
 MAPS, WINDS, PLANS, DRAFT = "maps", "winds", "plans", "mission.json"
+REMOVED = "removed"  # plans that were taken from the list
 FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 PLAN_NAME = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9a-f]{4}(_[a-z0-9_.]{1,40})?")
 LONGEST_NAME = 255  # [bytes] of a file, on every system
@@ -61,6 +63,14 @@ class DeskFolder:
         if place is None or place.resolve() != place:
             raise NotFoundError(f"there is no plan {shown_value(name)}")
         return place
+
+    def removed_place(self, name: str) -> Path:
+        """A free place for the results directory ``name`` when it is removed; NotFoundError for a link."""
+        removed = self.root / REMOVED
+        if removed.resolve() != removed:
+            raise NotFoundError(f"{REMOVED} in the folder of the desk is a link; remove it")
+        names = (name if k == 1 else f"{name}-{k}" for k in count(1))
+        return next(removed / one for one in names if not (removed / one).exists())
 
     def keep_map(self, content: bytes, suffix: str = ".geojson") -> str:
         """Write a map under a name of its content; return the path relative to the folder."""

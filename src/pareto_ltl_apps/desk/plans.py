@@ -122,6 +122,27 @@ class Plans:
             job.end("cancelled")
             self._note_queue()
 
+    def remove(self, name: str) -> Path:
+        """Move the directory of an ended plan to ``removed/`` in the folder of the desk, and forget the plan.
+
+        Raises
+        ------
+        NotFoundError
+            If there is no such plan.
+        DataError
+            If it is running.
+        """
+        if self.state(name)["status"] == "running":
+            raise DataError(f"plan {name} is running; cancel it before you remove it")
+        place, to = self.folder.plan_place(name), self.folder.removed_place(name)
+        if place.is_dir():
+            to.parent.mkdir(exist_ok=True)
+            place.rename(to)
+        self.jobs.pop(name, None)
+        if self.left.pop(name, None) is not None:
+            self._note_queue()
+        return to
+
     def state(self, name: str) -> dict[str, Any]:
         """``id``, ``status``, ``directory``, ``error`` and ``command`` of a plan, or NotFoundError."""
         place, job = self.folder.plan_place(name), self.jobs.get(name)

@@ -102,7 +102,16 @@ function planName({ id, mission, made_by: maker }) {
 async function listEarlier() {
   const plans = (await ask("GET", "/api/plans")).plans.filter(state => state.made_by !== "wind");
   byId("earlier-part").hidden = !plans.length;
-  byId("earlier").replaceChildren(...plans.slice(0, 30).map(state => html("li", {}, html("button", { type: "button", class: "plain", onclick: () => { forgive(); result.open(state).then(readyToPlan); } }, planName(state)), html("span", { class: "note" }, state.made_by === "departure" ? `departures, ${state.status}` : state.failure === null ? state.status : `${state.status}: ${lengthText(state.length_m)}, ${percent(state.failure)} fail`))));
+  byId("earlier").replaceChildren(...plans.slice(0, 30).map(state => html("li", {}, html("button", { type: "button", class: "plain", onclick: () => { forgive(); result.open(state).then(readyToPlan); } }, planName(state)), html("span", { class: "note" }, state.made_by === "departure" ? `departures, ${state.status}` : state.failure === null ? state.status : `${state.status}: ${lengthText(state.length_m)}, ${percent(state.failure)} fail`), state.status === "running" ? "" : html("button", { type: "button", class: "plain remove", "aria-label": `remove ${planName(state)}`, title: "move its files to the folder removed", onclick: () => removePlan(state).catch(failed) }, "×"))));
+}
+
+/** Take a plan from the list, and tell where its files are. */
+async function removePlan(state) {
+  if (state.id === result.id) { byId("removed").textContent = "This plan is shown; open another one first."; return; }
+  if (!confirm(`Remove ${planName(state)} from the list? Its files are moved to the folder "removed".`)) return;
+  const { moved } = await ask("POST", `/api/plans/${state.id}/remove`, {});
+  await listEarlier();
+  byId("removed").textContent = `Its files are in ${moved}.`;
 }
 
 // --- files --------------------------------------------------------------------------------------------
