@@ -170,8 +170,8 @@ def test_every_refined_path_ends_in_the_programme_and_keeps_epsilon(grown, monke
     flights = draw_flights(problem, "coherent", REFINE.flights, SeedSequence(5))
     found = sampled_paths(REFINE, problem, forest, flights)
     paths = within_limits(problem, found)
-    assert len(solved) >= len(found) > 2
-    assert len(paths) > 2
+    assert len(solved) >= len(found) > 1
+    assert len(paths) > 1
     for path in paths:
         ours = separation(problem, propagate(problem, path.x)).risk
         swept = swept_risks(problem, path.x)

@@ -34,7 +34,7 @@ from pareto_ltl_apps.formats.flow_components import FROM, SPEED, TEMPERATURE, TO
 from pareto_ltl_apps.formats.speed_units import EXPECTED, KNOT, speed_factor
 from pareto_ltl_apps.formats.tables import Table, read_table, seconds_of
 
-LOG = logging.getLogger(__name__)
+LOG = logging.getLogger("pareto_ltl.formats.csv_files")
 AIR_PRESSURE = "pressure"
 UNCLEAR = "direction"  # of a wind, that from which it blows; of a current it may be either
 OTHER_UNITS = ("utc", "z", "gmt", "deg", "degrees", "degree", "degrees_north", "degrees_east", "degrees_true")

@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.messages import shown_text
 
-LOG = logging.getLogger(__name__)
+LOG = logging.getLogger("pareto_ltl.formats.download")
 TIMEOUT = 30.0  # [s] without a byte
 LONGEST = 600.0  # [s] for one request with its retries
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 30.0  # [s] before a request is repeated; doubled each time

@@ -22,6 +22,7 @@ from pareto_ltl_verify.rare import least_rate
 
 SEEN = 16.0  # failures that new flights should have: so many contradict a rate told as a much smaller one
 MISSED = 1.25  # times the upper end of a promise: weighted flights of both roads are few where failures are
+LEAST_RATE = 1e-6  # promises below it are not told apart: a few flights in a million decide on both roads
 MAX_FLIGHTS = 200_000  # new flights of a rare promise at most
 DOUBT = 1e-3  # significance level: probability that the flights reject a claim that is true
 WEIGHTED_BELOW = 1e-3  # share of failed flights below which flights are weighted
@@ -134,7 +135,7 @@ def promised_rate(result: Evidence) -> Verdict | None:
     The rarer the promised failures, the more flights: 20,000 do not contradict a rate of 8e-4 told as 1e-6.
     They come in batches, and end with the first that contradicts the promise; of all looks together at most
     :data:`RARE` of honest promises are contradicted. A promise that was made by weighted flights is also
-    compared with new weighted ones, which contradict a rate that is stated too low however rare it is.
+    compared with new weighted ones, which contradict a rate of one in a million that is stated too low.
     """
     stated = result.plan["promise"]
     if not stated or stated["law"] not in result.new_flights:
@@ -153,7 +154,7 @@ def promised_rate(result: Evidence) -> Verdict | None:
     if stated["method"] == WEIGHTED and chance >= limit and len(weights := result.rare_failures):
         least = least_rate(weights, RARE)
         found += f"; weighted flights: {weights.mean():.3g}, at least {least:.3g}"
-    holds = chance >= limit and MISSED * stated["high"] >= least
+    holds = chance >= limit and MISSED * max(stated["high"], LEAST_RATE) >= least
     return Verdict(f"{stated['failure']:.4g}", found, holds)
 
 

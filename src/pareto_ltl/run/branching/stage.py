@@ -12,7 +12,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.planning.branching.records import BranchFix, TreeRow
 from pareto_ltl.planning.costs.duration import hours_text
-from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.rates import FailureRate
 from pareto_ltl.planning.records import Front, Plan, PlannedPath
@@ -157,8 +157,12 @@ def bent_if_better(
 
 
 def bent_plan(world: World, base: Plan, path: PlannedPath, seeds: SeedSequence, claim: SeedSequence) -> Plan:
-    """``base`` with the bent trunk ``path`` in the place of its path, and with the promise of it."""
+    """``base`` with the bent trunk ``path`` in the place of its path, and with the promise of it.
+
+    While it is bent, R of a path is in its looser form; the plan has the tighter one.
+    """
     problem, runs = world.problem, world.settings.selection.runs
+    path = replace(path, objectives=evaluate_path(problem, path.x, path.origin).objectives)
     claimed = FailureRate.counted(problem.fidelity.law, count_failures(problem, path, runs, claim), runs)
     return replace(
         base, path=path, navigation=problem.scene.frame.navigation(path.t, path.x, path.u),
