@@ -22,7 +22,7 @@ from pareto_ltl_verify.rare import least_rate
 
 SEEN = 16.0  # failures that new flights should have: so many contradict a rate told as a much smaller one
 MISSED = 1.25  # times the upper end of a promise: weighted flights of both roads are few where failures are
-LEAST_RATE = 1e-6  # promises below it are not told apart: a few flights in a million decide on both roads
+LEAST_RATE = 1e-6  # promises below it are not distinguished: a few flights in a million decide on both roads
 MAX_FLIGHTS = 200_000  # new flights of a rare promise at most
 DOUBT = 1e-3  # significance level: probability that the flights reject a claim that is true
 WEIGHTED_BELOW = 1e-3  # share of failed flights below which flights are weighted
