@@ -139,6 +139,7 @@ def test_a_part_has_the_tests_of_the_day_and_each_other_test_is_in_one(
     level: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(levels, "NOT_BY_DAY", [*NOT_BY_DAY, "test_levels::test_slow"])
+    monkeypatch.setattr(levels, "LEVEL", "all")
     parts_of.cache_clear()
     slow, usual = item(HERE, name="test_slow"), item(HERE)
     runs = []
