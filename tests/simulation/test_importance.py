@@ -80,7 +80,7 @@ def proposal_of(name: str, ladder: importance.Ladder = importance.LADDER) -> imp
 
 def drawn(proposal: importance.Proposal, n: int, seed: int) -> tuple[kernel.NormalDraws, FloatArray]:
     """z of ``n`` flights and their linear deviations."""
-    z, _ = importance.draw_proposal(proposal, np.ones(n), np.random.default_rng(seed))
+    z, _, _ = importance.draw_proposal(proposal, np.ones(n), np.random.default_rng(seed))
     theta = z.field.copy()
     link_fields(proposal.plan.linear.kept, theta)
     return z, failure_modes.linear_deviations(proposal.plan.linear, z, theta)
@@ -198,7 +198,7 @@ def test_densities_are_those_of_the_components(name):
 def test_drawn_densities_are_those_of_the_draws(name):
     proposal = proposal_of(name)
     scale = np.linspace(0.5, 4.0, 200)
-    z, density = importance.draw_proposal(proposal, scale, np.random.default_rng(4))
+    z, _, density = importance.draw_proposal(proposal, scale, np.random.default_rng(4))
     e = failure_modes.linear_deviations(
         proposal.plan.linear, z, failure_modes.linked_fields(proposal.plan.linear, z)
     )

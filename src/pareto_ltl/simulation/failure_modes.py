@@ -35,6 +35,7 @@ from pareto_ltl.kernels import importance as kernel
 from pareto_ltl.kernels.margin import Slope, smoothed_failure
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.pilots import Autopilot
+from pareto_ltl.planning.error_tail import ErrorTail
 from pareto_ltl.planning.evaluate import propagate, propagate_controls
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.problem import Problem
@@ -115,6 +116,11 @@ class FlownPlan:
     sd: float
     event: FlightEvent | None = None
 
+    @property
+    def tail(self) -> ErrorTail | None:
+        """The tails of the errors that flights draw; None under the independent law, or without any."""
+        return self.problem.tail if self.problem.fidelity.law == "coherent" else None
+
     def fly(self, z: kernel.NormalDraws, theta: Float32Array) -> tuple[FloatArray, BoolArray]:
         """Positions (n, T+1, 2) [m] of the flights ``z`` in the nonlinear law, and which the event meets.
 
@@ -171,15 +177,14 @@ def find_failure_modes(plan: FlownPlan) -> FailureModes:
     weight, omega = weight[flown], omega[flown]
     if not len(weight):
         return none
-    tails = plan.problem.tail is not None and plan.problem.fidelity.law == "coherent"
-    directions, ray = directions_of(plan.linear, weight), FAR_RAY if tails else NEAR_RAY
-    threshold = _first_failing(plan, directions, ray)
+    largest, ray = (1.0, NEAR_RAY) if plan.tail is None else (LARGE, FAR_RAY)
+    threshold = _first_failing(plan, directions_of(plan.linear, weight), ray)
     if (threshold == 0.0).any():
         return none
     order = np.argsort(threshold, kind="stable")
     order = order[np.isfinite(threshold[order])]
     order = order[_unlike(omega[order], ALIKE)]
-    chance = np.cumsum(ndtr(-threshold[order] / (LARGE if tails else 1.0)))
+    chance = np.cumsum(ndtr(-threshold[order] / largest))
     if not len(chance):
         return none
     order = order[: int(np.searchsorted(chance, KEPT * chance[-1])) + 1]

@@ -53,7 +53,7 @@ from pareto_ltl.simulation.failure_modes import (
     linked_fields,
     normal_draws,
 )
-from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
 from pareto_ltl.support.machine import on_all_cores
 from pareto_ltl.support.seeds import unspawned
 
@@ -197,19 +197,17 @@ def weighted_flights(
     flights, whatever the number of threads.
     """
     weights, failed = np.empty(draws), np.empty(draws, bool)
-    plan = proposal.plan
-    tail = plan.problem.tail if plan.problem.fidelity.law == "coherent" else None
+    plan, tail = proposal.plan, proposal.plan.tail
 
     def one(rows: slice, child: SeedSequence) -> None:
         n, rng = rows.stop - rows.start, np.random.default_rng(child)
-        size, weight, scales = np.ones(n), np.ones(n), None
-        if tail is not None:
+        if tail is None:
+            z, theta, density = draw_proposal(proposal, np.ones(n), rng)
+            weights[rows] = 1.0 / density
+        else:
             scales, weight = weighted_scales(tail, len(plan.linear.kept), n, rng)
-            size = typical_scale(tail, scales)
-        z, density = draw_proposal(proposal, size, rng)
-        weights[rows] = weight / density
-        theta = linked_fields(plan.linear, z)
-        if tail is not None and scales is not None:
+            z, theta, density = draw_proposal(proposal, typical_scale(tail, scales), rng)
+            weights[rows] = weight / density
             theta = scaled_fields(tail, theta, scales)
         flown, failed[rows] = plan.fly(z, theta)
         if x is not None:
@@ -222,8 +220,8 @@ def weighted_flights(
 
 def draw_proposal(
     proposal: Proposal, scale: FloatArray, rng: Generator
-) -> tuple[kernel.NormalDraws, FloatArray]:
-    """Vectors z for flights of ``scale`` (n,) from the mixture, and its densities q / φ at them (n,).
+) -> tuple[kernel.NormalDraws, Float32Array, FloatArray]:
+    """Vectors z for flights of ``scale`` (n,) from the mixture, their fields θ, and densities q / φ (n,).
 
     z ~ N(0, I) is pushed along ω of a half-space into it.
 
@@ -240,7 +238,6 @@ def draw_proposal(
     size = -ndtri((1.0 - rng.random(n)) * ndtr(-tau))  # r ~ N(0, 1) given r >= τ, by inversion
     z = normal_draws(law, n, rng)
     kernel.push_draws(proposal.directions, np.where(plain, -1, event), size, z)
-    density = np.empty(n)
-    e = linear_deviations(law, z, linked_fields(law, z))
-    kernel.mixture_density(proposal.mixture(scale, chances), e, density)
-    return z, density
+    theta, density = linked_fields(law, z), np.empty(n)
+    kernel.mixture_density(proposal.mixture(scale, chances), linear_deviations(law, z, theta), density)
+    return z, theta, density

@@ -184,8 +184,7 @@ def _path_faults(result: Evidence, row: Mapping[str, str], k: int) -> Iterator[s
         f"order {row['order']} is {orders[0]}": row["order"] not in orders,
     }
     yield from true_of(faults)
-    course = laws.fly_means(result.law(result.planned_law, len(x) - 1), x)
-    if np.abs(course.u - result.front_u(k)).max(initial=0.0) > FLOWN * robot.u_max:
+    if np.abs(result.course_of(x).u - result.front_u(k)).max(initial=0.0) > FLOWN * robot.u_max:
         yield "its controls do not fly it"
     tree = re.fullmatch(r"tree (\d+) vertex (\d+)", row["origin"])
     grown = vertex_path(result, int(tree[1]), int(tree[2])) if tree and result.has("trees.npz") else x
