@@ -20,10 +20,10 @@ from pareto_ltl.kernels import margin as kernel
 from pareto_ltl.logic.mission import automaton_of
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.pack import build_problem
+from pareto_ltl.planning.refine.effort import USUAL
 from pareto_ltl.planning.refine.programme import programme, programme_for
 from pareto_ltl.planning.refine.sampled import Polish, Refiner, resampled_means
 from pareto_ltl.planning.refine.starts import line_starts
-from pareto_ltl.planning.refine.sweep import COARSE
 from pareto_ltl.settings import MissionConfig, PlannerConfig, RobotConfig, SceneConfig, WindConfig, preset
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.field import fit_wind_field
@@ -65,7 +65,9 @@ def task(request):
 
 def how(problem):
     """The first evaluation of a start."""
-    return Polish(tuple(share * float(np.ptp(problem.scene.bounds[:, 0])) for share in COARSE), 4)
+    widths, solves = USUAL.first
+    size = float(np.ptp(problem.scene.bounds[:, 0]))
+    return Polish(tuple(size * share for share in widths), solves)
 
 
 def descent_of(refiner, flight, flights):

@@ -27,7 +27,8 @@ from pareto_ltl.extend import draw_flights, which_fail
 from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.planning.limits import Price
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.sweep import FINE, new_sweep
+from pareto_ltl.planning.refine.effort import Effort
+from pareto_ltl.planning.refine.sweep import new_sweep
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 
@@ -118,15 +119,16 @@ def failing_with(tried: Tried, price: Price, change: float) -> BoolArray:
 def polished(problem: Problem, settings: Settings, x: FloatArray, longest: float) -> FloatArray:
     """The means of a path after it is polished until it settles, at most ``longest`` [m]."""
     flights = draw_flights(problem, problem.fidelity.law, 4 * settings.refine.flights, POLISHING)
-    sweep = new_sweep(settings.refine, problem, flights)
-    last = sweep.polish_of(FINE[-1:], 8)
-    best = sweep.refiner.polish(x, flights, sweep.polish_of(FINE, 4), longest)
+    effort = Effort.of(settings.refine)
+    sweep = new_sweep(effort, problem, flights)
+    last = sweep.polish_of((effort.finest[0], 8))
+    best = sweep.refiner.polish(x, flights, sweep.polish_of(effort.last), longest)
     for _ in range(ROUNDS):
         other = sweep.refiner.polish(best.flight.x, flights, last, longest)
         if other.smoothed >= SETTLED * best.smoothed:
             break
         best = other
-    flight = sweep.closing.polished(best.flight.x, flights, sweep.polish_of(FINE[-1:], 3), longest)
+    flight = sweep.closing.polished(best.flight.x, flights, sweep.polish_of((effort.finest[0], 3)), longest)
     return flight.x
 
 

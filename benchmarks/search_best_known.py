@@ -22,11 +22,12 @@ from numpy.random import Generator, SeedSequence
 
 from pareto_ltl.extend import draw_flights, simulate_flights
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.effort import Effort
 from pareto_ltl.planning.refine.front_sweep import searched
 from pareto_ltl.planning.refine.levels import looks
 from pareto_ltl.planning.refine.sampled import Candidate, resampled_means
 from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts
-from pareto_ltl.planning.refine.sweep import WARM, new_sweep
+from pareto_ltl.planning.refine.sweep import new_sweep
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import HindcastConfig, RefineConfig, preset
 from pareto_ltl.settings.building import build_settings
@@ -85,13 +86,14 @@ def wide_search(name: str, border: str, minutes: float) -> list[dict[str, float]
         starts |= first_starts(problem, benchmark_run(name, border, seed).forest)
     law = problem.fidelity.law
     flights = draw_flights(problem, law, WIDE.flights, SeedSequence(8))
-    sweep = new_sweep(WIDE, problem, flights)
+    sweep = new_sweep(Effort.of(WIDE), problem, flights)
     found = searched(sweep, looks(sweep, starts))
     half = flights.only(np.arange(WIDE.flights // 2))
     best = Best(np.exp(np.arange(np.log(found[0].length), np.log(1.1 * found[-1].length), STEP)))
     for k in found:
         best.offer(k)
-    how, end = sweep.polish_of(np.repeat((*WARM, 0.0025), 2), 4), time.process_time() + 60 * minutes
+    how = sweep.polish_of(((0.008, 0.008, 0.004, 0.004, 0.0025, 0.0025), 4))
+    end = time.process_time() + 60 * minutes
     while time.process_time() < end:
         i = int(rng.integers(len(best.caps)))
         near = [j for j in best.paths if abs(j - i) <= 4]

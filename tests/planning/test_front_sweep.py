@@ -22,7 +22,7 @@ from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine import (
-    MORE_FLIGHTS,
+    Effort,
     front_sweep,
     last_polish,
     levels,
@@ -55,6 +55,7 @@ from problems import KM, box, make_problem, make_scene, smooth_wind, steady_wind
 
 PLANNER = PlannerConfig(trees=3, n_max=600, epsilon=0.5)
 REFINE = RefineConfig(flights=400, sweep_flights=120, classes=2, points=6)
+EFFORT = Effort.of(REFINE)
 FRESH = 4000
 
 
@@ -85,13 +86,13 @@ def grown():
 
 def searched(problem, starts, flights, *limits):
     """What one search finds; ``limits``: a budget, and who hears of its progress."""
-    begun = front_sweep.new_sweep(REFINE, problem, flights, *limits)
+    begun = front_sweep.new_sweep(EFFORT, problem, flights, *limits)
     return front_sweep.searched(begun, levels.looks(begun, starts))
 
 
 def refined(problem, forest, seed=5):
     flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(seed))
-    return sampled_paths(REFINE, problem, forest, flights)
+    return sampled_paths(EFFORT, problem, forest, flights)
 
 
 @cache
@@ -102,8 +103,8 @@ def refined_in(law: str = "coherent", border: str = "open"):
 def test_a_search_is_no_worse_than_a_coarse_one_at_the_same_length(grown):
     problem, forest = grown
     cfg = RefineConfig(flights=600, sweep_flights=120, classes=3, points=20)
-    flights = draw_flights(problem, problem.fidelity.law, MORE_FLIGHTS * cfg.flights, SeedSequence(5))
-    coarse, full = (sampled_paths(c, problem, forest, flights) for c in (cfg.coarse(), cfg))
+    flights = draw_flights(problem, problem.fidelity.law, Effort.of(cfg).all_flights, SeedSequence(5))
+    coarse, full = (sampled_paths(Effort.of(c), problem, forest, flights) for c in (cfg.coarse(), cfg))
     usual = flights.only(np.arange(cfg.flights))
 
     def row(path):
@@ -124,11 +125,23 @@ def test_a_coarse_search_is_limited_and_its_own_coarse_search():
     assert RefineConfig(points=3).coarse().points == 3
 
 
+def test_the_effort_of_a_search_comes_from_the_settings_and_one_scout_from_coarse_ones():
+    cfg = RefineConfig(flights=700, sweep_flights=90, classes=3, points=17)
+    effort = Effort.of(cfg)
+    assert (effort.flights, effort.sweep_flights, effort.classes, effort.points) == (700, 90, 3, 17)
+    coarse = Effort.of(cfg.coarse())
+    assert (effort.scouts, coarse.scouts) == (2, 1)
+    limited = {"flights": 700, "classes": 3, "points": 17, "scouts": 2}
+    assert replace(coarse, **limited) == effort  # nothing else differs
+    widths = [list(passes[0]) for passes in (effort.first, effort.sweep, effort.wide, effort.last)]
+    assert all(own == sorted(own, reverse=True) for own in widths)
+
+
 def test_scouts_have_different_flights(grown):
     problem, forest = grown
     cfg = RefineConfig(flights=1000, sweep_flights=100)
-    drawn = draw_flights(problem, problem.fidelity.law, MORE_FLIGHTS * cfg.flights, SeedSequence(5))
-    found = list(front_sweep.scouts(front_sweep.new_sweep(cfg, problem, drawn)))
+    drawn = draw_flights(problem, problem.fidelity.law, Effort.of(cfg).all_flights, SeedSequence(5))
+    found = list(front_sweep.scouts(front_sweep.new_sweep(Effort.of(cfg), problem, drawn)))
     assert [(len(s.few), len(s.flights)) for s in found] == [(100, 1000)] * 2
     flight = propagate(problem, next(iter(first_starts(problem, forest).values())).x)
     ends = [s.few.positions(flight)[:, -1] for s in found]
@@ -140,7 +153,7 @@ def test_scouts_share_the_flights_where_there_are_few_and_a_coarse_search_has_on
     cfg = RefineConfig(flights=60, sweep_flights=40)
     drawn = draw_flights(problem, problem.fidelity.law, cfg.flights, SeedSequence(5))
     for settings, number in ((cfg, 2), (cfg.coarse(), 1)):
-        found = list(front_sweep.scouts(front_sweep.new_sweep(settings, problem, drawn)))
+        found = list(front_sweep.scouts(front_sweep.new_sweep(Effort.of(settings), problem, drawn)))
         assert [(len(s.few), len(s.flights)) for s in found] == [(40, 60)] * number
 
 
@@ -262,21 +275,21 @@ def test_points_are_spread_from_the_shortest_to_the_longest(rows, most):
         Candidate(None, length, failure, failure)
         for length, failure in rows  # type: ignore[arg-type]
     )
-    jobs = sweep.spread_points(kept, most)
+    jobs = sweep.spread_points(EFFORT, kept, most)
     caps = [cap for _, cap in jobs]
     assert caps[0] == pytest.approx(kept[0].length)
-    assert caps[-1] == pytest.approx(kept[-1].length, rel=sweep.KEPT - 1.0)
+    assert caps[-1] == pytest.approx(kept[-1].length, rel=EFFORT.within - 1.0)
     assert len(caps) <= most
-    assert all(other > sweep.KEPT * cap for cap, other in pairwise(caps))
+    assert all(other > EFFORT.within * cap for cap, other in pairwise(caps))
     beside = [k.length for k in kept]  # no cap is far from a path that was found
     assert all(min(abs(np.log(cap / length)) for length in beside) < 0.05 for cap in caps)
-    assert all(k.length <= sweep.SPACING * cap * (1 + 1e-9) for k, cap in jobs)
+    assert all(k.length <= EFFORT.spacing * cap * (1 + 1e-9) for k, cap in jobs)
 
 
 def test_a_path_between_two_plateaus_has_a_point():
     lengths = [1.0, 1.02, 1.04, 1.2, 1.5, 1.51, 1.53]
     kept = [Candidate(None, length, 1.0 / length, 0.0) for length in lengths]
-    caps = [cap for _, cap in sweep.spread_points(kept, 12)]
+    caps = [cap for _, cap in sweep.spread_points(EFFORT, kept, 12)]
     assert any(cap == pytest.approx(1.2) for cap in caps)
     assert any(cap == pytest.approx(1.5) for cap in caps)
     assert not any(1.05 < cap < 1.19 or 1.21 < cap < 1.49 for cap in caps)
@@ -424,7 +437,7 @@ def test_what_is_left_of_a_budget_betters_the_front(grown):
     """On the flights of the sweep no front is worse than the one before, and the last is better."""
     problem, _ = grown
     flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(5))
-    sweep = front_sweep.new_sweep(REFINE, problem, flights, CountedBudget(150))
+    sweep = front_sweep.new_sweep(EFFORT, problem, flights, CountedBudget(150))
     begun = front_within(grown, UNLIMITED)[::3]
     fronts = [begun, *front_sweep.improved_fronts(sweep, begun)]
     reference = np.array([1.0, 2.0 * begun[-1].length])
@@ -436,7 +449,7 @@ def test_what_is_left_of_a_budget_betters_the_front(grown):
 def test_without_a_budget_nothing_is_varied(grown):
     problem, _ = grown
     flights = draw_flights(problem, problem.fidelity.law, 20, SeedSequence(5))
-    sweep = front_sweep.new_sweep(REFINE, problem, flights)
+    sweep = front_sweep.new_sweep(EFFORT, problem, flights)
     assert list(front_sweep.improved_fronts(sweep, front_within(grown, CountedBudget(5)))) == []
 
 
@@ -445,10 +458,10 @@ def test_progress_tells_how_many_paths_there_are_and_how_the_safest_fails(grown)
     told = []
     cfg = replace(REFINE, classes=3)
     flights = draw_flights(problem, problem.fidelity.law, cfg.flights, SeedSequence(5))
-    paths = sampled_paths(cfg, problem, forest, flights, lambda *news: told.append(news))
+    paths = sampled_paths(Effort.of(cfg), problem, forest, flights, lambda *news: told.append(news))
     steps = [done for done, *_ in told]
-    assert steps == list(range(1, sweep.ALL_STEPS + 1))  # two of each scout, and the last polish
-    assert {total for _, total, *_ in told} == {sweep.ALL_STEPS}
+    assert steps == list(range(1, 6))  # two of each scout, and the last polish
+    assert {total for _, total, *_ in told} == {5}
     assert len(told[-1][3]) == len(paths)
     form = r"\d+ paths of at least \d+\.\d km; the safest fails \S+ % at \d+\.\d km"
     assert all(re.fullmatch(form, state) for *_, state, _ in told)
@@ -461,8 +474,8 @@ def test_progress_tells_how_many_paths_there_are_and_how_the_safest_fails(grown)
 def looked(grown):
     """A sweep and what its first looks make of the starts, with all of its flights."""
     problem, forest = grown
-    flights = draw_flights(problem, "coherent", MORE_FLIGHTS * REFINE.flights, SeedSequence(5))
-    begun = sweep.new_sweep(REFINE, problem, flights)
+    flights = draw_flights(problem, "coherent", EFFORT.all_flights, SeedSequence(5))
+    begun = sweep.new_sweep(EFFORT, problem, flights)
     return begun, levels.looks(begun, first_starts(problem, forest))
 
 
@@ -477,8 +490,8 @@ def test_a_longer_class_that_few_flights_rate_no_better_is_tried_on_all(looked):
         tried += len(rivals)
         for k in rivals:
             assert begun.class_of(k) != own
-            assert k.length <= last_polish.LENGTHENED**2 * max(start.length for start in seen) * (1.0 + 1e-6)
-            assert k.smoothed < levels.WORTH * safest.smoothed
+            assert k.length <= EFFORT.lengthened**2 * max(start.length for start in seen) * (1.0 + 1e-6)
+            assert k.smoothed < EFFORT.worth * safest.smoothed
     assert last_polish.rival_points(begun, seen, []) == []
     assert tried
 
@@ -490,10 +503,10 @@ def test_a_path_is_polished_in_the_fewest_steps_and_its_own_and_in_more_where_it
     slow = replace(k, flight=propagate(begun.problem, x))
     fewest = sweep.fewest_steps(steps_needed(begun.problem, slow.flight.x))
     own = slow.steps - fewest
-    assert own > levels.SPARE[-1]
-    more = own + max(2, round(levels.SLOWER * fewest))
+    assert own > EFFORT.spare_steps[-1]
+    more = own + max(2, round(EFFORT.slower * fewest))
     for slower, steps in ((False, [0, 1, own]), (True, [0, 1, own, more])):
-        lines = levels.timed_lines(begun, slow, levels.SPARE, slower=slower)
+        lines = levels.timed_lines(begun, slow, EFFORT.spare_steps, slower=slower)
         assert [line[1] for line in lines] == steps
 
 
@@ -501,18 +514,18 @@ def test_the_widest_gaps_of_a_front_are_divided(grown):
     """Points come between its ends, and the hypervolume rises."""
     problem, _ = grown
     flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(5))
-    begun = front_sweep.new_sweep(replace(REFINE, points=12), problem, flights)
+    begun = front_sweep.new_sweep(Effort.of(replace(REFINE, points=12)), problem, flights)
     front = front_within(grown, UNLIMITED)
     few = [front[0], front[-1]]
     more = last_polish.divided_gaps(begun, few)
-    assert 2 < len(more) <= 2 + begun.cfg.points
+    assert 2 < len(more) <= 2 + begun.effort.points
     assert all(a.length < b.length and a.smoothed > b.smoothed for a, b in pairwise(more))
     corner = np.array([1.0, 2.0 * front[-1].length])
     before, after = (
         hypervolume(np.array([[k.smoothed, k.length] for k in part]), corner) for part in (few, more)
     )
     assert after > 1.02 * before
-    assert all(few[0].length <= k.length <= few[1].length * sweep.KEPT for k in more)
+    assert all(few[0].length <= k.length <= few[1].length * EFFORT.within for k in more)
 
 
 def test_where_the_best_order_breaks_epsilon_another_one_is_searched():
@@ -526,7 +539,7 @@ def test_where_the_best_order_breaks_epsilon_another_one_is_searched():
         planner = replace(PLANNER, epsilon=epsilon)
         problem = make_problem("F a | F b", scene, wind, robot, planner, fidelity="full")
         flights = draw_flights(problem, "coherent", REFINE.flights, SeedSequence(5))
-        found = sampled_paths(REFINE, problem, grow_forest(planner, problem, SeedSequence(3)), flights)
+        found = sampled_paths(EFFORT, problem, grow_forest(planner, problem, SeedSequence(3)), flights)
         rows = ((path_class(problem, p.x), separation(problem, propagate(problem, p.x)).risk) for p in found)
         return {("".join(sorted(kind.order[-1][1])), bool(risk.max() <= 0.02)) for kind, risk in rows}
 
@@ -543,12 +556,12 @@ def test_where_all_searches_break_epsilon_the_nearest_paths_are_led_past_other_s
     wind = smooth_wind(scene, speed=1.5, sd=0.9, gust=0.5)
     problem = make_problem("F a", scene, wind, robot, planner, fidelity="full")
     flights = draw_flights(problem, "coherent", REFINE.flights, SeedSequence(5))
-    begun = sweep.new_sweep(REFINE, problem, flights)
+    begun = sweep.new_sweep(EFFORT, problem, flights)
     straight = resampled_means(problem, KM * np.array([[4.0, 10.0], [15.0, 10.0]]), 12)
     through = begun.refiner.assessed(propagate(problem, straight), begun.few, 100.0, "through the gap")
     monkeypatch.setattr(front_sweep, "finished", lambda *_: [through])
 
-    found = sampled_paths(REFINE, problem, grow_forest(planner, problem, SeedSequence(3)), flights)
+    found = sampled_paths(EFFORT, problem, grow_forest(planner, problem, SeedSequence(3)), flights)
     risks = {p.origin: float(separation(problem, propagate(problem, p.x)).risk.max()) for p in found}
     assert risks["through the gap, refined"] > 0.02
     kept = [origin for origin, risk in risks.items() if risk <= 0.02]

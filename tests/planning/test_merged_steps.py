@@ -13,7 +13,7 @@ from pareto_ltl.kernels.geometry import locate_cells
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem, with_merged_steps
-from pareto_ltl.planning.refine import front_sweep, sampled_paths
+from pareto_ltl.planning.refine import Effort, front_sweep, sampled_paths
 from pareto_ltl.planning.refine.front_sweep import steps_to_merge
 from pareto_ltl.planning.refine.sampled import divided
 from pareto_ltl.planning.refine.separation import keeps_epsilon
@@ -25,6 +25,7 @@ from problems import box, make_problem, make_scene, smooth_wind
 TIMES = 4
 PLANNER = PlannerConfig(trees=2, n_max=4000, max_steps=600, epsilon=0.3)
 REFINE = RefineConfig(flights=200, sweep_flights=80, classes=1, points=3)
+EFFORT = Effort.of(REFINE)
 LINE = np.column_stack([np.linspace(2e3, 15e3, 121), np.linspace(3e3, 9e3, 121)])  # [m], 120 steps
 
 
@@ -80,18 +81,15 @@ def test_merged_flights_are_the_same_flights(feedback: float | None) -> None:
     assert np.corrcoef(merged_off[:, -1, 0], off[:, -1, 0])[0, 1] > 0.99
 
 
-def test_only_long_paths_in_the_coherent_law_without_windows_are_merged(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_only_long_paths_in_the_coherent_law_without_windows_are_merged() -> None:
     long = [Start(np.repeat(LINE, 3, axis=0), "long")]
     problem = task()
-    assert steps_to_merge(problem, long) == round((len(long[0].x) - 1) / front_sweep.LEGS)
-    assert steps_to_merge(problem, [*long, Start(LINE, "short")]) == 1
-    assert steps_to_merge(problem, []) == 1
-    assert steps_to_merge(task(law="independent"), long) == 1
-    assert steps_to_merge(task(windows=True), long) == 1
-    monkeypatch.setattr(front_sweep, "LEGS", 10)
-    run = steps_to_merge(task(side=1.0), long) * task().reach
+    assert steps_to_merge(EFFORT, problem, long) == round((len(long[0].x) - 1) / EFFORT.merged_legs)
+    assert steps_to_merge(EFFORT, problem, [*long, Start(LINE, "short")]) == 1
+    assert steps_to_merge(EFFORT, problem, []) == 1
+    assert steps_to_merge(EFFORT, task(law="independent"), long) == 1
+    assert steps_to_merge(EFFORT, task(windows=True), long) == 1
+    run = steps_to_merge(replace(EFFORT, merged_legs=10), task(side=1.0), long) * task().reach
     assert run <= front_sweep.SHARE_OF_PLACE * 1000.0 < run + task().reach  # of the region, 1 km wide
 
 
@@ -99,10 +97,10 @@ def test_paths_in_merged_steps_are_flown_in_all_steps() -> None:
     problem = task()
     forest = grow_forest(PLANNER, problem, SeedSequence(3))
     flights = draw_flights(problem, "coherent", REFINE.flights, SeedSequence(5))
-    found = sampled_paths(REFINE, problem, forest, flights)
+    found = sampled_paths(EFFORT, problem, forest, flights)
     assert found
     for path in found:
-        assert len(path.u) > front_sweep.MANY
+        assert len(path.u) > EFFORT.merged_from
         assert problem.logic.distance[path.q[-1]] == 0.0
         assert (np.linalg.norm(path.u, axis=1) <= problem.motion.u_max).all()
         assert (locate_cells(problem.cells, np.ascontiguousarray(path.x)) >= 0).all()

@@ -14,7 +14,7 @@ from pareto_ltl.kernels import margin as km
 from pareto_ltl.planning.evaluate import completing_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
-from pareto_ltl.planning.refine import prices, programme, sampled_paths
+from pareto_ltl.planning.refine import Effort, prices, programme, sampled_paths
 from pareto_ltl.planning.refine.sampled import Polish, Refiner
 from pareto_ltl.planning.refine.separation import separation
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
@@ -48,7 +48,7 @@ def planned():
     problem, planner = task()
     cfg = RefineConfig(flights=300, sweep_flights=100, classes=2, points=4)
     flights = draw_flights(problem, "coherent", 1200, SeedSequence(1))
-    path = sampled_paths(cfg, problem, grow_forest(planner, problem, SeedSequence(3)), flights)[0]
+    path = sampled_paths(Effort.of(cfg), problem, grow_forest(planner, problem, SeedSequence(3)), flights)[0]
     return problem, path, simulate_flights(problem, path.u, 4000, "coherent", SeedSequence(2), path.x).x
 
 

@@ -16,7 +16,7 @@ from pareto_ltl.extend import draw_flights
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model
-from pareto_ltl.planning.refine import programme, sampled_paths
+from pareto_ltl.planning.refine import Effort, programme, sampled_paths
 from pareto_ltl.planning.refine.prices import segment_limits
 from pareto_ltl.planning.refine.programme import Descent
 from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Polish, Refiner
@@ -168,7 +168,7 @@ def test_every_refined_path_ends_in_the_programme_and_keeps_epsilon(grown, monke
     descend = programme.Programme.descend
     monkeypatch.setattr(programme.Programme, "descend", lambda *args: solved.append(1) or descend(*args))
     flights = draw_flights(problem, "coherent", REFINE.flights, SeedSequence(5))
-    found = sampled_paths(REFINE, problem, forest, flights)
+    found = sampled_paths(Effort.of(REFINE), problem, forest, flights)
     paths = within_limits(problem, found)
     assert len(solved) >= len(found) > 1
     assert len(paths) > 1

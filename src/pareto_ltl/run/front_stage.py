@@ -15,7 +15,7 @@ from pareto_ltl.planning.evaluate import completing_path, evaluate_path
 from pareto_ltl.planning.plan_files import read_extra_paths
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Front, PlannedPath
-from pareto_ltl.planning.refine import MORE_FLIGHTS, flown_lines, sampled_paths, smooth_paths
+from pareto_ltl.planning.refine import Effort, flown_lines, sampled_paths, smooth_paths
 from pareto_ltl.planning.refine.separation import (
     breach_text,
     keeps_epsilon,
@@ -181,9 +181,9 @@ def _sampled_refinement(search: Search, raw: Sequence[PlannedPath]) -> tuple[Pla
     problem = search.problem
     if is_certain(problem):
         return _convex_refinement(search, raw, flown_lines(problem))
-    cfg = search.settings.refine
-    flights = draw_flights(problem, problem.fidelity.law, MORE_FLIGHTS * cfg.flights, search.seeds)
-    return sampled_paths(cfg, problem, search.forest, flights, search.progress, search.budget)
+    effort = Effort.of(search.settings.refine)
+    flights = draw_flights(problem, problem.fidelity.law, effort.all_flights, search.seeds)
+    return sampled_paths(effort, problem, search.forest, flights, search.progress, search.budget)
 
 
 Refiner = Callable[[Search, Sequence[PlannedPath]], tuple[PlannedPath, ...]]

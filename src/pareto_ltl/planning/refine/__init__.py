@@ -14,10 +14,10 @@ one start for each way to complete the mission (``starts``), at many lengths (``
 
 from __future__ import annotations
 
+from pareto_ltl.planning.refine.effort import Effort
 from pareto_ltl.planning.refine.front_sweep import sampled_paths
 from pareto_ltl.planning.refine.programme import import_early
 from pareto_ltl.planning.refine.smoothing import smooth_paths
 from pareto_ltl.planning.refine.starts import flown_lines
-from pareto_ltl.planning.refine.sweep import MORE_FLIGHTS
 
-__all__ = ["MORE_FLIGHTS", "flown_lines", "import_early", "sampled_paths", "smooth_paths"]
+__all__ = ["Effort", "flown_lines", "import_early", "sampled_paths", "smooth_paths"]

@@ -16,9 +16,9 @@ may take less energy.
 With a time budget the sweeps end when most of it is spent. If some is left after them, paths of the front are
 varied and polished again until it is spent.
 
-The time of a search is proportional to the number of steps. A path of more than :data:`MANY` steps is
-therefore refined in runs of several steps with one control each: in about :data:`LEGS` runs, none longer than
-the share ``SHARE_OF_PLACE`` of the narrowest place, so that no flight passes a region between two of its
+The time of a search is proportional to the number of steps. A path of more than ``Effort.merged_from`` steps
+is therefore refined in about ``Effort.merged_legs`` runs of steps with one control each, none longer than the
+share ``SHARE_OF_PLACE`` of the narrowest place, so that no flight passes a region between two of its
 positions. The wind of a run is the wind of its middle, its gust the mean of the gusts of its steps: the
 flights are the same. The paths are then polished once more, checked and judged in all steps. Steps are merged
 in the coherent law only, whose gusts are averaged over time, and for missions without time windows, which are
@@ -40,13 +40,8 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.problem import Problem, with_merged_steps
 from pareto_ltl.planning.records import Forest, PlannedPath
 from pareto_ltl.planning.refine import last_polish
-from pareto_ltl.planning.refine.levels import (
-    FLIPPED,
-    first_look,
-    hopeless_above,
-    looks,
-    swept_down,
-)
+from pareto_ltl.planning.refine.effort import Effort
+from pareto_ltl.planning.refine.levels import first_look, looks, swept_down
 from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights, divided
 from pareto_ltl.planning.refine.starts import (
     Start,
@@ -58,40 +53,18 @@ from pareto_ltl.planning.refine.starts import (
     tree_starts,
     unlike_starts,
 )
-from pareto_ltl.planning.refine.sweep import (
-    ALL_STEPS,
-    FINE,
-    SCOUT_STEPS,
-    SCOUTS,
-    SWEEP_SHARE,
-    WIDE,
-    WITHIN_REACH,
-    Progress,
-    Sweep,
-    front_of,
-    new_sweep,
-)
-from pareto_ltl.settings import RefineConfig
+from pareto_ltl.planning.refine.sweep import SCOUT_STEPS, Progress, Sweep, front_of, new_sweep
 from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.machine import on_all_cores
 from pareto_ltl.world.time_step import SHARE_OF_PLACE, narrowest_place
 
-COMPARED = 12  # classes, besides those that are swept, whose best path is compared by all flights
 LONG = 1e5  # [m] lengths above have no decimals in messages
-ROUND = 4  # points of a front that are varied between two reports
-# Where no path keeps epsilon: rounds, paths that are varied in each, and variants that are closed.
-ROUNDS, NEAREST, VARIED = 3, 4, 12
-MORE = (0, 1, 2, 3, 5, 8)  # numbers of steps beyond the fewest
-MANY = 200  # steps of the shortest start, above which steps are merged
-LEGS = 100  # runs of steps that it then has, about
-SOLVES = 4  # of the last polish in all steps
-BUMP = 0.03  # standard deviation of a random bend, as a share of the map's size
 
 
 def sampled_paths(
-    cfg: RefineConfig, problem: Problem, forest: Forest | None, flights: CommonFlights,
+    effort: Effort, problem: Problem, forest: Forest | None, flights: CommonFlights,
     progress: Progress | None = None, budget: Budget = UNLIMITED,
 ) -> tuple[PlannedPath, ...]:  # fmt: skip
     """Paths of many lengths on which few of the common ``flights`` fail, shortest first.
@@ -99,14 +72,15 @@ def sampled_paths(
     It is empty if there is no start, or if none became a path that can be flown; a warning then says why.
     """
     with ThreadPoolExecutor(1) as pool:
-        found = pool.submit(first_starts, problem, forest)
-        sweep = new_sweep(cfg, problem, flights, budget, progress)
+        found = pool.submit(first_starts, problem, forest, effort)
+        sweep = new_sweep(effort, problem, flights, budget, progress)
         starts = found.result()
-    times = steps_to_merge(problem, starts.values())
+    times = steps_to_merge(effort, problem, starts.values())
     if times > 1:
         merged = with_merged_steps(problem, times)
-        if runs := starts_in_merged_steps(problem, merged, forest, times):  # else the wind ends too soon
-            long = new_sweep(cfg, merged, flights.merged(merged, times), budget, progress)
+        runs = starts_in_merged_steps(effort, problem, merged, forest, times)
+        if runs:  # else the wind ends too soon
+            long = new_sweep(effort, merged, flights.merged(merged, times), budget, progress)
             ended = on_all_cores(partial(in_all_steps, sweep, times), _searches(long, runs))
             return _paths_of(sweep, ended, partial(slower_runs, sweep, times))
     return _paths_of(sweep, _searches(sweep, starts), partial(last_polish.repaired, sweep))
@@ -118,15 +92,15 @@ def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Can
     Where no path keeps epsilon, it is repeated among paths that are near it: in an order or on a side of
     an obstacle where flights fail more often. At last the paths nearest to epsilon are varied.
     """
-    seen, known = list[Candidate](), list[Candidate]()
+    effort, seen, known = sweep.effort, list[Candidate](), list[Candidate]()
     for scout in scouts(sweep):
         seen = looks(scout, starts)
         known += _compared(sweep, scout, swept(scout, seen))
-    ended = _ended(sweep, _with_slower(sweep, finished(sweep, known)))
+    ended = _ended(sweep, finished(sweep, known))
     if not _keep_epsilon(sweep, ended):
-        near = replace(sweep, most_excess=WITHIN_REACH)
-        ended += _ended(sweep, _with_slower(near, searched(near, near.near_epsilon(seen))))
-    for _ in range(ROUNDS):
+        near = replace(sweep, most_excess=effort.within_reach)
+        ended += _ended(sweep, searched(near, near.near_epsilon(seen)))
+    for _ in range(effort.epsilon_rounds):
         if sweep.budget.over() or _keep_epsilon(sweep, ended):
             break
         ended += _ended(sweep, _beside(sweep, [end for _, end in ended]))
@@ -135,7 +109,7 @@ def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Can
 
 def _compared(sweep: Sweep, scout: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
     """The front of what a scout has ``found``, and the best of each class, by the flights of ``sweep``."""
-    chosen = {id(k): k for k in (*front_of(found), *scout.best_of_classes(found, more=COMPARED))}
+    chosen = {id(k): k for k in (*front_of(found), *scout.best_of_classes(found, more=sweep.effort.compared))}
     return on_all_cores(sweep.reassessed, chosen.values())
 
 
@@ -154,30 +128,25 @@ def _beside(sweep: Sweep, ended: Iterable[Candidate]) -> list[Candidate]:
     def nearest(k: Candidate) -> float:
         return sweep.excess(k.flight)
 
-    best = sorted(ended, key=nearest)[:NEAREST]
+    best = sorted(ended, key=nearest)[: sweep.effort.epsilon_paths]
     led = [start for k in best for start in led_starts(problem, k.flight, k.origin)]
     led += [start for k in best for start in flipped_starts(problem, k.flight.x, k.origin)]
     starts = unlike_starts(problem, led).values()
     made = sweep.in_time(partial(first_look, sweep), starts, share=1.0)
-    return sorted(made, key=nearest)[:VARIED]
+    return sorted(made, key=nearest)[: sweep.effort.epsilon_variants]
 
 
 def scouts(sweep: Sweep) -> Iterator[Sweep]:
-    """Sweeps that differ in their flights, of ``sweep.many``; one if the settings are coarse.
+    """Sweeps that differ in their flights, of ``sweep.many``; one of a coarse search.
 
     What a sweep misses depends on which flights it is fitted to, more than on how many: on five missions
     four times as many flights did not make seeds agree better, and a second sweep did.
     """
-    number, every, n = 1 if sweep.cfg == sweep.cfg.coarse() else SCOUTS, len(sweep.many), len(sweep.few)
+    number, every, n = sweep.effort.scouts, len(sweep.many), len(sweep.few)
     for k in range(number):
         few = sweep.many.only(np.sort((np.arange(n) + k * n) % every))
-        budget = sweep.budget.until(SWEEP_SHARE * (k + 1) / number)
+        budget = sweep.budget.until(sweep.effort.sweep_share * (k + 1) / number)
         yield replace(sweep, few=few, budget=budget, before=SCOUT_STEPS * k)
-
-
-def _with_slower(sweep: Sweep, found: list[Candidate]) -> list[Candidate]:
-    """Those ``found``, and with a power curve slower ones that take less energy."""
-    return [*found, *last_polish.slower_points(sweep, found)]
 
 
 def _ended(sweep: Sweep, found: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]]:
@@ -206,7 +175,7 @@ def searched(sweep: Sweep, seen: Sequence[Candidate]) -> list[Candidate]:
 
 def swept(scout: Sweep, seen: Sequence[Candidate]) -> list[Candidate]:
     """All paths that a scout finds in its sweeps, and those ``seen``."""
-    scout = replace(scout, hopeless=hopeless_above(seen))
+    scout = replace(scout, hopeless=scout.hopeless_above(seen))
     _report(scout, 1, seen)
     levels = swept_down(scout, seen)
     found = [*seen, *chain(*levels)]
@@ -215,8 +184,11 @@ def swept(scout: Sweep, seen: Sequence[Candidate]) -> list[Candidate]:
 
 
 def finished(sweep: Sweep, known: Sequence[Candidate]) -> list[Candidate]:
-    """Non-dominated candidates in length and smoothed failure, shortest first, polished on all flights."""
-    sweep = replace(sweep, hopeless=hopeless_above(known))
+    """Non-dominated candidates in length and smoothed failure, shortest first, polished on all flights.
+
+    With a power curve, slower ones that take less energy follow.
+    """
+    sweep = replace(sweep, hopeless=sweep.hopeless_above(known))
     front = front_of(k for k in known if k.smoothed < sweep.hopeless) or front_of(known)[:1]
     for better in improved_fronts(sweep, front):
         front = better
@@ -228,7 +200,7 @@ def finished(sweep: Sweep, known: Sequence[Candidate]) -> list[Candidate]:
         found = front_of([*found, *last_polish.lengthened_points(sweep, found)])
     found = last_polish.divided_gaps(sweep, found)
     _report(sweep, 1, found)
-    return found
+    return [*found, *last_polish.slower_points(sweep, found)]
 
 
 # --- what is left of a time budget ---------------------------------------------------------------
@@ -246,20 +218,22 @@ def improved_fronts(sweep: Sweep, front: Sequence[Candidate]) -> Iterator[list[C
         if sweep.over:
             return
         rng = np.random.default_rng(number)
-        for at in rng.permutation(len(kept))[:ROUND].tolist():
+        for at in rng.permutation(len(kept))[: sweep.effort.varied].tolist():
             kept = front_of([*kept, *_varied(sweep, kept, min(at, len(kept) - 1), rng)])
         yield kept
 
 
 def _varied(sweep: Sweep, front: Sequence[Candidate], at: int, rng: np.random.Generator) -> list[Candidate]:
     """Random variations of one point, polished at the same length."""
-    k, problem = front[at], sweep.problem
+    effort, k, problem = sweep.effort, front[at], sweep.problem
     near = [front[i] for i in (at - 1, at + 1) if 0 <= i < len(front)]
     lines = [(n.flight.x, 0, n.origin) for n in near]
-    lines += [(k.flight.x, more, k.origin) for more in rng.choice(MORE, 2, replace=False).tolist()]
-    lines += [(start.x, 1, start.origin) for start in flipped_starts(problem, k.flight.x, k.origin)[:FLIPPED]]
+    steps = rng.choice(effort.varied_steps, 2, replace=False).tolist()
+    lines += [(k.flight.x, more, k.origin) for more in steps]
+    flipped = flipped_starts(problem, k.flight.x, k.origin)[: effort.flipped]
+    lines += [(start.x, 1, start.origin) for start in flipped]
     lines += [(_bent(sweep, k.flight.x, rng), 1, k.origin)]
-    return sweep.held_within(lines, sweep.polish_of(WIDE, 3), k.length)
+    return sweep.held_within(lines, effort.wide, k.length)
 
 
 def _bent(sweep: Sweep, x: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -267,7 +241,7 @@ def _bent(sweep: Sweep, x: FloatArray, rng: np.random.Generator) -> FloatArray:
     low, high = sweep.problem.scene.bounds
     t = np.linspace(0.0, 1.0, len(x))
     bump = np.exp(-0.5 * ((t - rng.random()) / rng.uniform(0.03, 0.15)) ** 2) * np.minimum(t / 0.05, 1.0)
-    aside = rng.normal(0.0, BUMP * (high - low).mean(), 2)
+    aside = rng.normal(0.0, sweep.effort.bump * (high - low).mean(), 2)
     return np.clip(x + bump[:, None] * aside, low, high)
 
 
@@ -279,20 +253,20 @@ def _report(sweep: Sweep, done: int, found: Iterable[Candidate]) -> None:
     shortest, safest = (distance_text(k.length, 0 if k.length > LONG else 1) for k in (front[0], front[-1]))
     fails = f"the safest fails {100 * front[-1].failed:.2g} % at {safest}"
     state = f"{len(front)} paths of at least {shortest}; {fails}"
-    sweep.progress(
-        min(sweep.before + done, ALL_STEPS), ALL_STEPS, state, [(k.failed, k.flight.x) for k in front]
-    )
+    total, shown = sweep.all_steps, [(k.failed, k.flight.x) for k in front]
+    sweep.progress(min(sweep.before + done, total), total, state, shown)
 
 
 # --- long paths -----------------------------------------------------------------------------------
 
 
-def steps_to_merge(problem: Problem, starts: Iterable[Start]) -> int:
+def steps_to_merge(effort: Effort, problem: Problem, starts: Iterable[Start]) -> int:
     """How many steps of ``problem`` are one step of the search from ``starts``; 1 if they are not merged."""
     fewest = min((len(start.x) - 1 for start in starts), default=0)
     law = problem.world.law
-    still = bool((problem.motion.a == np.eye(2)).all())
-    if fewest <= MANY or isinstance(law, kd.IndependentLaw) or len(problem.logic.delta) > 1 or not still:
+    moving = bool((problem.motion.a != np.eye(2)).any())
+    apart = isinstance(law, kd.IndependentLaw) or len(problem.logic.delta) > 1 or moving
+    if fewest <= effort.merged_from or apart:
         return 1
     marks = (
         [2.0 * float(radius) for radius in law.landmarks.disc[:, 2]]
@@ -300,18 +274,18 @@ def steps_to_merge(problem: Problem, starts: Iterable[Start]) -> int:
         else []
     )
     width = min([narrowest_place(problem.scene).width, *marks])
-    return max(1, min(round(fewest / LEGS), int(SHARE_OF_PLACE * width / problem.reach)))
+    return max(1, min(round(fewest / effort.merged_legs), int(SHARE_OF_PLACE * width / problem.reach)))
 
 
 def starts_in_merged_steps(
-    problem: Problem, merged: Problem, forest: Forest | None, times: int
+    effort: Effort, problem: Problem, merged: Problem, forest: Forest | None, times: int
 ) -> dict[StartKind, Start]:
     """The starts of ``merged``: its lines, and tree paths at every ``times``-th step and at the last one."""
     grown = [
         replace(start, x=np.vstack([start.x[:-1:times], start.x[-1:]]))
-        for start in ([] if forest is None else tree_starts(problem, forest))
+        for start in ([] if forest is None else tree_starts(problem, forest, effort))
     ]
-    return unlike_starts(merged, [*first_starts(merged).values(), *grown])
+    return unlike_starts(merged, [*first_starts(merged, None, effort).values(), *grown])
 
 
 def in_all_steps(sweep: Sweep, times: int, ended: tuple[Candidate, Candidate]) -> tuple[Candidate, Candidate]:
@@ -320,7 +294,7 @@ def in_all_steps(sweep: Sweep, times: int, ended: tuple[Candidate, Candidate]) -
     The polish is left out if a segment then breaks epsilon.
     """
     begun, end = (_divided(sweep, times, k) for k in ended)
-    how = sweep.polish_of(FINE[-1:], SOLVES)
+    how = sweep.polish_of(sweep.effort.finest)
     flight = sweep.refiner.polished(end.flight.x, sweep.flights, how, end.length)
     if sweep.closing.penalty(flight, math.inf) <= 0.0:
         end = replace(end, flight=flight, length=length_of(flight.x))
@@ -334,7 +308,7 @@ def slower_runs(sweep: Sweep, times: int, k: Candidate) -> Iterator[Candidate]:
     """
     for more in (times, 2 * times):
         x = retimed_means(sweep.problem, k.flight.x, min(k.steps + more, sweep.problem.horizon))
-        flight = sweep.refiner.polished(x, sweep.flights, sweep.polish_of(FINE[-1:], SOLVES), k.length)
+        flight = sweep.refiner.polished(x, sweep.flights, sweep.polish_of(sweep.effort.finest), k.length)
         yield replace(k, flight=flight, length=length_of(flight.x))
 
 

@@ -14,17 +14,10 @@ import numpy as np
 from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.planning.refine.levels import WORTH, hopeless_above
+from pareto_ltl.planning.refine.effort import Passes
 from pareto_ltl.planning.refine.sampled import Candidate
 from pareto_ltl.planning.refine.starts import retimed_means
-from pareto_ltl.planning.refine.sweep import (
-    FINE,
-    WITHIN_REACH,
-    Sweep,
-    front_of,
-    smoothed,
-    spread_points,
-)
+from pareto_ltl.planning.refine.sweep import Sweep, front_of, smoothed, spread_points
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.errors import InfeasibleError
@@ -32,21 +25,10 @@ from pareto_ltl.support.machine import on_all_cores
 
 LOG = logging.getLogger(__name__)
 
-RIVALS, RIVAL_ROUNDS = 2, 2  # classes that may be safer at longer lengths, and how often they are polished
-NEAR = 1.2  # times as many failures as the safest path has, with which such a class is polished once more
-GAPS = 3  # gaps of the front that are divided in a round
-LENGTHENED = 1.05  # ratio of the length caps beyond the longest point
-FEW, RARE = 3, 30  # failures of a polished path: below RARE too few to polish with, below FEW no matter
-REPAIRS = (0, 1, 2, 4)  # steps added to a path that cannot be flown
-SLOWER = (1.2, 1.45, 1.75)  # factors on the number of steps, where lower airspeeds may save energy
-CLOSING = (1.0, 1.05, 1.2)  # factors on the length of a path, in turn while a segment breaks epsilon
-CLOSING_SOLVES = 12  # for each of them
-ECONOMIC = 8  # points of a front, at most, that are tried at lower airspeeds
-
 
 def finished_points(sweep: Sweep, front: Sequence[Candidate]) -> list[Candidate]:
     """Points along the front polished on all flights; when time is up, the rest unchanged."""
-    points = spread_points(front, _evenly(sweep))
+    points = spread_points(sweep.effort, front, _evenly(sweep))
 
     def one(point: tuple[Candidate, float]) -> Candidate:
         return point[0] if sweep.budget.over() else _finished(sweep, *point)
@@ -57,12 +39,12 @@ def finished_points(sweep: Sweep, front: Sequence[Candidate]) -> list[Candidate]
 def rival_points(sweep: Sweep, known: Iterable[Candidate], found: Sequence[Candidate]) -> list[Candidate]:
     """Longer paths of other classes than the safest one ``found`` that fail less, polished on all flights.
 
-    Few flights cannot tell which class is safer if hardly any of them fail. The best paths of ``RIVALS``
+    Few flights cannot tell which class is safer if hardly any of them fail. The best paths of some
     classes are tried at their lengths and a little longer, and those once more that come near the safest one.
     """
     if not found:
         return []
-    safest, made = found[-1], list[Candidate]()
+    effort, safest, made = sweep.effort, found[-1], list[Candidate]()
     longer = [k for k in known if k.length > safest.length]
     own = sweep.class_of(safest)
     best = [k for k in sweep.best_of_classes([safest, *longer], more=1) if sweep.class_of(k) != own]
@@ -71,11 +53,11 @@ def rival_points(sweep: Sweep, known: Iterable[Candidate], found: Sequence[Candi
         k, times = rival
         return k if sweep.budget.over() else _finished(sweep, k, times * k.length)
 
-    for _ in range(RIVAL_ROUNDS):
-        new = on_all_cores(one, product(best[:RIVALS], (1.0, LENGTHENED)))
-        best = sweep.best_of_classes(k for k in new if k.smoothed < NEAR * safest.smoothed)
+    for _ in range(effort.rival_rounds):
+        new = on_all_cores(one, product(best[: effort.rivals], (1.0, effort.lengthened)))
+        best = sweep.best_of_classes(k for k in new if k.smoothed < effort.near * safest.smoothed)
         made += new
-    return [k for k in made if k.smoothed < WORTH * safest.smoothed]
+    return [k for k in made if k.smoothed < effort.worth * safest.smoothed]
 
 
 def lengthened_points(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
@@ -83,11 +65,12 @@ def lengthened_points(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidat
 
     The sweeps end at a length where few flights show no gain; here all of them decide.
     """
+    effort = sweep.effort
     made, best = list[Candidate](), found[-1] if found else None
-    while best is not None and best.failed * len(sweep.flights) >= FEW and not sweep.budget.over():
-        caps = (LENGTHENED * best.length, LENGTHENED**2 * best.length)
+    while best is not None and best.failed * len(sweep.flights) >= effort.few and not sweep.budget.over():
+        caps = (effort.lengthened * best.length, effort.lengthened**2 * best.length)
         pair = on_all_cores(partial(_finished, sweep, best), caps)
-        limit = WORTH * best.smoothed
+        limit = effort.worth * best.smoothed
         best = next((k for k in pair if k.smoothed < limit), None)
         made += pair
     return made
@@ -95,7 +78,7 @@ def lengthened_points(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidat
 
 def _evenly(sweep: Sweep) -> int:
     """How many points are spread along a front, before the others come into its gaps."""
-    return max(sweep.cfg.points // 2, 2)
+    return max(sweep.effort.points // 2, 2)
 
 
 def divided_gaps(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
@@ -104,7 +87,7 @@ def divided_gaps(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
     The width of a gap is what a point in it can add to the hypervolume: the product of the differences of
     its ends in the logarithms of length and of failure. In each round the widest gaps are divided.
     """
-    front, tried = list(found), set[tuple[float, float]]()
+    effort, front, tried = sweep.effort, list(found), set[tuple[float, float]]()
 
     def width(gap: tuple[Candidate, Candidate]) -> float:
         below, above = gap
@@ -114,36 +97,36 @@ def divided_gaps(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
         below, above = gap
         if sweep.budget.over():
             return above
-        return _finished(sweep, above, math.sqrt(below.length * above.length), FINE[1:])
+        return _finished(sweep, above, math.sqrt(below.length * above.length), effort.between)
 
-    left = sweep.cfg.points - _evenly(sweep)
-    for first in range(0, left, GAPS):
+    left = effort.points - _evenly(sweep)
+    for first in range(0, left, effort.gaps):
         new = (gap for gap in pairwise(front) if (gap[0].length, gap[1].length) not in tried)
-        widest = sorted(new, key=width, reverse=True)[: min(GAPS, left - first)]
+        widest = sorted(new, key=width, reverse=True)[: min(effort.gaps, left - first)]
         tried |= {(below.length, above.length) for below, above in widest}
         front = front_of([*front, *on_all_cores(one, widest)])
     return front
 
 
-def _finished(sweep: Sweep, k: Candidate, cap: float, widths: tuple[float, ...] = FINE) -> Candidate:
+def _finished(sweep: Sweep, k: Candidate, cap: float, passes: Passes | None = None) -> Candidate:
     """``k`` polished at a length cap; on more flights if few of them fail, since those decide.
 
     Where its airspeeds leave half a step or more to spare, it is also polished in fewer steps.
     """
     problem, refiner = sweep.problem, sweep.refiner
-    how = sweep.polish_of(widths, 4)
+    how = sweep.polish_of(passes or sweep.effort.last)
     made = refiner.polish(_fitting(problem, k, cap), sweep.flights, how, cap, k.origin)
     if fewer := min(round(spare_steps(made)), made.steps - 1):  # a path has at least one step
         x = retimed_means(problem, made.flight.x, made.steps - fewer)
         made = min(made, refiner.polish(x, sweep.flights, how, cap, k.origin), key=smoothed)
     if not _rarely_fails(sweep, made):
         return made
-    return refiner.polish(made.flight.x, sweep.many, sweep.polish_of(FINE[-1:], 4), cap, k.origin)
+    return refiner.polish(made.flight.x, sweep.many, sweep.polish_of(sweep.effort.finest), cap, k.origin)
 
 
 def _rarely_fails(sweep: Sweep, k: Candidate) -> bool:
     """Whether too few of the usual flights of ``k`` fail to polish with, though some do."""
-    return FEW <= k.failed * len(sweep.flights) < RARE
+    return sweep.effort.few <= k.failed * len(sweep.flights) < sweep.effort.rare
 
 
 def closed(sweep: Sweep, k: Candidate) -> Candidate:
@@ -151,11 +134,12 @@ def closed(sweep: Sweep, k: Candidate) -> Candidate:
 
     Where a segment breaks epsilon, more solves on few flights, and longer paths, come before the last one.
     """
-    closing, flights = sweep.closing, (sweep.many if _rarely_fails(sweep, k) else sweep.flights).exact()
-    last, more = (sweep.polish_of(FINE[-1:], solves) for solves in (1, CLOSING_SOLVES))
+    effort, closing = sweep.effort, sweep.closing
+    flights = (sweep.many if _rarely_fails(sweep, k) else sweep.flights).exact()
+    last, more = sweep.polish_of(effort.closing), sweep.polish_of(effort.nearer)
     end = closing.polished(k.flight.x, flights, last, k.length)
-    for longer in CLOSING:
-        if not 0.0 < sweep.excess(end) <= WITHIN_REACH:
+    for longer in effort.nearer_lengths:
+        if not 0.0 < sweep.excess(end) <= effort.within_reach:
             break
         near = closing.polished(end.x, sweep.few, more, longer * length_of(end.x))
         end = closing.polished(near.x, flights, last, length_of(near.x))
@@ -182,7 +166,7 @@ def slower_points(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
     problem, energy = sweep.problem, sweep.problem.energy
     if energy is None or not found:
         return []
-    how, dt = sweep.polish_of(FINE, 4), problem.motion.dt
+    effort, how, dt = sweep.effort, sweep.polish_of(sweep.effort.last), problem.motion.dt
 
     def slower(pair: tuple[Candidate, float]) -> Candidate | None:
         k, times = pair
@@ -193,8 +177,9 @@ def slower_points(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
         made = sweep.refiner.polish(x, sweep.flights, how, k.length, f"{k.origin}, slower")
         return made if energy.of(made.flight.u, dt) < energy.of(k.flight.u, dt) else None
 
-    chosen = found[:: -(-len(found) // ECONOMIC)]
-    made, hopeless = on_all_cores(slower, product(chosen, SLOWER)), hopeless_above(found)
+    chosen = found[:: -(-len(found) // effort.economic)]
+    made = on_all_cores(slower, product(chosen, effort.economic_steps))
+    hopeless = sweep.hopeless_above(found)
     return [k for k in made if k is not None and k.smoothed < hopeless]
 
 
@@ -241,7 +226,8 @@ def _path_of(problem: Problem, k: Candidate) -> tuple[PlannedPath | None, str]:
 
 def repaired(sweep: Sweep, k: Candidate) -> Iterator[Candidate]:
     """``k`` polished again, in more steps each time: slower, and closer to the places to be visited."""
-    for more in REPAIRS:
+    how = sweep.polish_of(sweep.effort.finest)
+    for more in sweep.effort.repairs:
         x = retimed_means(sweep.problem, k.flight.x, min(k.steps + more, sweep.problem.horizon))
-        made = sweep.refiner.polish(x, sweep.flights, sweep.polish_of(FINE[-1:], 4), k.length, k.origin)
+        made = sweep.refiner.polish(x, sweep.flights, how, k.length, k.origin)
         yield closed(sweep, made)

@@ -12,25 +12,12 @@ from itertools import chain
 
 import numpy as np
 
+from pareto_ltl.planning.refine.effort import Effort
 from pareto_ltl.planning.refine.sampled import Candidate, fewest_steps, steps_needed
 from pareto_ltl.planning.refine.starts import Start, StartKind, led_starts, returning_starts, unlike_starts
-from pareto_ltl.planning.refine.sweep import COARSE, KEPT, SPACING, WARM, WIDE, Sweep, front_of, smoothed
+from pareto_ltl.planning.refine.sweep import Sweep, front_of, smoothed
 from pareto_ltl.support.arrays import FloatArray, IntArray, length_of
 from pareto_ltl.support.machine import on_all_cores
-
-SPARE = (0, 1)  # numbers of steps tried, beyond the fewest, besides the number of the path itself
-SLOWER = 0.1  # of the fewest steps: the best path is also tried in so many more
-LONGER = 1.08  # ratio of the length caps beyond the longest that pays
-SHORTEN = 1.3  # paths up to this many times as long as the cap are shortened to it
-PAYS = 0.95  # a longer path is worth it if its failure is below this share of a shorter one's
-WORTH = 0.95  # a sweep ends after two consecutive levels above this share of the failure before
-LOOSE = 1.1  # factor by which the first polish may lengthen a start
-LINES, GROWN, LONGEST = 12, 16, 4  # starts that are polished: the best lines and tree paths, and the longest
-FLIPPED = 2  # candidates that are tried on the other side of obstacles
-LED_ROUNDS = 2  # of leading the safest candidates through one landmark more
-LED, LED_LOOKS = 4, 6  # candidates that are led in a round, and copies that are polished
-HOPELESS = 0.3  # share of the success of the best start below which candidates are dropped
-
 
 # --- first looks ------------------------------------------------------------------------------------
 
@@ -40,12 +27,12 @@ def looks(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[Candidate]:
 
     Hopeful paths are polished again at their own lengths, to find the length cap to begin with.
     """
-    seen, how = first_looks(sweep, starts), sweep.polish_of(WARM, 3)
+    seen, how = first_looks(sweep, starts), sweep.polish_of(sweep.effort.sweep)
 
     def again(k: Candidate) -> Candidate:
         return k if sweep.over else sweep.refiner.polish(k.flight.x, sweep.few, how, k.length, k.origin)
 
-    hopeful = [k for k in seen if k.smoothed < hopeless_above(seen)]
+    hopeful = [k for k in seen if k.smoothed < sweep.hopeless_above(seen)]
     return sorted([*seen, *on_all_cores(again, hopeful)], key=smoothed)
 
 
@@ -54,19 +41,21 @@ def first_looks(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[Candida
 
     The first start is polished even if the time budget is spent.
     """
+    effort, look = sweep.effort, partial(first_look, sweep)
     chosen = _promising(sweep, list(starts.values()))
-    look = partial(first_look, sweep)
     found = sweep.in_time(look, chosen) or [look(start) for start in chosen[:1]]
     known, tried = {kind for kind, _ in starts}, set[StartKind]()
-    best = _safest(found, FLIPPED)
+    best = _safest(found, effort.flipped)
     again = [start for k in best for start in returning_starts(sweep.problem, k.flight, k.origin)]
     found += sweep.in_time(look, [*sweep.on_other_sides(best, known), *again])
-    for _ in range(LED_ROUNDS):
-        led = [start for k in _safest(found, LED) for start in led_starts(sweep.problem, k.flight, k.origin)]
+    for _ in range(effort.led_rounds):
+        safest = _safest(found, effort.led)
+        led = [start for k in safest for start in led_starts(sweep.problem, k.flight, k.origin)]
         if unlike := {kind: s for kind, s in unlike_starts(sweep.problem, led).items() if kind not in tried}:
             tried |= unlike.keys()
             new = list(unlike.values())
-            found += sweep.in_time(look, (new[k] for k in _by_fronts(_flown_once(sweep, new))[:LED_LOOKS]))
+            order = _by_fronts(_flown_once(sweep, new))[: effort.led_looks]
+            found += sweep.in_time(look, (new[k] for k in order))
     return sorted(found, key=smoothed)
 
 
@@ -83,16 +72,17 @@ def _promising(sweep: Sweep, starts: Sequence[Start]) -> list[Start]:
     """
     if not starts:
         return []
+    effort = sweep.effort
     rows, grown = _flown_once(sweep, starts), np.array([start.grown for start in starts])
     order = _by_fronts(rows)
-    lines, trees = order[~grown[order]][:LINES], order[grown[order]][:GROWN]
-    longest = np.argsort(-rows[:, 1], kind="stable")[:LONGEST]
+    lines, trees = order[~grown[order]][: effort.looked_lines], order[grown[order]][: effort.looked_grown]
+    longest = np.argsort(-rows[:, 1], kind="stable")[: effort.looked_longest]
     return [starts[k] for k in dict.fromkeys([*lines.tolist(), *trees.tolist(), *longest.tolist()])]
 
 
 def _flown_once(sweep: Sweep, starts: Sequence[Start]) -> FloatArray:
     """Smoothed failure and length [m] of each start in one simulation, (n, 2)."""
-    width = sweep.polish_of(COARSE, 1).widths[0]
+    width = sweep.polish_of(sweep.effort.first).widths[0]
 
     def row(start: Start) -> tuple[float, float]:
         flight = sweep.refiner.flown(sweep.timed_means(start.x, 1))
@@ -111,13 +101,8 @@ def _by_fronts(rows: FloatArray) -> IntArray:
 
 def first_look(sweep: Sweep, start: Start) -> Candidate:
     """A start polished with few flights, at about its own length."""
-    x, how = sweep.timed_means(start.x, 1), sweep.polish_of(COARSE, 4)
-    return sweep.refiner.polish(x, sweep.few, how, LOOSE * length_of(x), start.origin)
-
-
-def hopeless_above(seen: Sequence[Candidate]) -> float:
-    """The smoothed failure above which paths are dropped: they succeed far more rarely than the best seen."""
-    return 1.0 - HOPELESS * (1.0 - min((k.smoothed for k in seen), default=0.0))
+    x, how = sweep.timed_means(start.x, 1), sweep.polish_of(sweep.effort.first)
+    return sweep.refiner.polish(x, sweep.few, how, sweep.effort.loose * length_of(x), start.origin)
 
 
 # --- length caps ------------------------------------------------------------------------------------
@@ -128,17 +113,18 @@ def swept_down(sweep: Sweep, seen: Sequence[Candidate]) -> list[list[Candidate]]
     seen = [k for k in seen if k.smoothed < sweep.hopeless]
     if not seen:
         return []
-    cap, levels = _longer_levels(sweep, seen, _longest_worth(seen))
-    cap, beam = KEPT * cap, list[Candidate]()
+    effort = sweep.effort
+    cap, levels = _longer_levels(sweep, seen, _longest_worth(effort, seen))
+    cap, beam = effort.within * cap, list[Candidate]()
     known, shortest = [*seen, *chain(*levels)], min(k.length for k in seen)
     while (beam or cap >= shortest) and not sweep.over:
-        entering = [k for k in known if cap / SPACING < k.length <= cap]
+        entering = [k for k in known if cap / effort.spacing < k.length <= cap]
         begun = [*beam, *sweep.best_of_classes(entering)]
-        lines = [line for k in begun for line in timed_lines(sweep, k, SPARE, slower=k is begun[0])]
-        made = sweep.held_within(lines, sweep.polish_of(WARM, 3), cap)
-        beam = sweep.best_of_classes(made)
+        spare = effort.spare_steps
+        lines = [line for k in begun for line in timed_lines(sweep, k, spare, slower=k is begun[0])]
+        beam = sweep.best_of_classes(sweep.held_within(lines, effort.sweep, cap))
         levels.append(beam)
-        cap /= SPACING
+        cap /= effort.spacing
     return levels
 
 
@@ -149,30 +135,31 @@ def _longer_levels(
 
     Returns with them the longest length that pays [m].
     """
+    effort = sweep.effort
     levels, vain, cap, known = list[list[Candidate]](), 0, longest, list(seen)
-    least = min(k.smoothed for k in known if k.length <= KEPT * longest)
+    least = min(k.smoothed for k in known if k.length <= effort.within * longest)
     while vain < 2 and not sweep.over:
-        cap *= LONGER
+        cap *= effort.longer
         shorter = [k for k in known if k.length <= cap]
-        longer = [k for k in known if cap < k.length <= SHORTEN * cap]
+        longer = [k for k in known if cap < k.length <= effort.shorten * cap]
         groups = (sweep.best_of_classes(some) for some in (shorter, longer))
-        lines = [line for k in chain(*groups) for line in timed_lines(sweep, k, SPARE[1:2])]
-        made = sweep.held_within(lines, sweep.polish_of(WIDE, 3), cap)
+        lines = [line for k in chain(*groups) for line in timed_lines(sweep, k, effort.spare_steps[1:2])]
+        made = sweep.held_within(lines, effort.wide, cap)
         known += made
         levels.insert(0, sweep.best_of_classes(made))
         best = min((*made, *seen[:1]), key=smoothed)
-        vain = 0 if best.smoothed < WORTH * least else vain + 1
+        vain = 0 if best.smoothed < effort.worth * least else vain + 1
         if vain == 0:
             longest, least = best.length, best.smoothed
     return longest, levels
 
 
-def _longest_worth(seen: Iterable[Candidate]) -> float:
-    """The longest length [m] of the front that reduces the failure by a factor ``PAYS`` or better."""
+def _longest_worth(effort: Effort, seen: Iterable[Candidate]) -> float:
+    """The longest length [m] of the front that reduces the failure by a factor ``effort.pays`` or better."""
     front = front_of(seen)
     longest = front[0]
     for k in front[1:]:
-        if k.smoothed < PAYS * longest.smoothed:
+        if k.smoothed < effort.pays * longest.smoothed:
             longest = k
     return longest.length
 
@@ -187,5 +174,5 @@ def timed_lines(
     """
     fewest = fewest_steps(steps_needed(sweep.problem, k.flight.x))
     own = max(k.steps - fewest, 0)
-    more = [own + max(2, round(SLOWER * fewest))] if slower else []
+    more = [own + max(2, round(sweep.effort.slower * fewest))] if slower else []
     return [(k.flight.x, steps, k.origin) for steps in dict.fromkeys([*spare, own, *more])]

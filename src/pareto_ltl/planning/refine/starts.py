@@ -18,6 +18,7 @@ from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import completing_path, propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, PlannedPath, Tree
+from pareto_ltl.planning.refine.effort import USUAL, Effort
 from pareto_ltl.planning.refine.sampled import resampled_means
 from pareto_ltl.planning.routes.obligations import completes, possible_orders
 from pareto_ltl.planning.routes.path_classes import PathClass, Word, crossed_rays, path_class, reduced_word
@@ -28,12 +29,7 @@ from pareto_ltl.planning.selection import accepted_rows
 from pareto_ltl.support.arrays import FloatArray, length_of, square_matrices
 from pareto_ltl.support.errors import InfeasibleError
 
-DISTANCES = (2.6, 1.4, 0.8, 0.0)  # standard deviations that taut lines keep from obstacles
-DEPTHS = (1.0, 0.5, 0.25)  # how deep lines lead into regions: 0 the rim, 1 the middle
-ORDERS = 3  # mission orders that taut lines are drawn for
-CLASSES = 24  # classes and lengths of tree paths, those with the least risk
 SIMILAR = 0.15  # relative difference of lengths that are similar
-LINES = 64  # classes of lines of the roadmap, the shortest
 FLIPPED = 0.15  # of the map's size: obstacles closer to a path than this are also passed on the other side
 BEYOND = 0.03  # of the map's size: distance from the obstacle on the other side
 OVERSHOOT = 1.5  # standard deviations by which a path flies past a place before it returns to it
@@ -73,16 +69,18 @@ def _length_box(length: float) -> int:
     return int(np.log(length + 1.0) / SIMILAR)
 
 
-def first_starts(problem: Problem, forest: Forest | None = None) -> dict[StartKind, Start]:
+def first_starts(
+    problem: Problem, forest: Forest | None = None, effort: Effort = USUAL
+) -> dict[StartKind, Start]:
     """Taut lines, lines of the roadmap and tree paths, one of each class and similar length."""
-    grown = [] if forest is None else tree_starts(problem, forest)
-    return unlike_starts(problem, [*line_starts(problem), *roadmap_starts(problem), *grown])
+    grown = [] if forest is None else tree_starts(problem, forest, effort)
+    return unlike_starts(problem, [*line_starts(problem, effort), *roadmap_starts(problem, effort), *grown])
 
 
 # --- trees ------------------------------------------------------------------------------------
 
 
-def tree_starts(problem: Problem, forest: Forest) -> list[Start]:
+def tree_starts(problem: Problem, forest: Forest, effort: Effort = USUAL) -> list[Start]:
     """The accepted path of least risk of each class and similar length, the safest first."""
     rows = accepted_rows(forest)
     if len(rows) == 0:
@@ -94,7 +92,7 @@ def tree_starts(problem: Problem, forest: Forest) -> list[Start]:
         kind = kinds[j][v], _length_box(rows[k, -1])
         if kind not in best:
             best[kind] = Start(forest.trees[j].path(v), f"tree {j} vertex {v}", grown=True)
-        if len(best) == CLASSES:
+        if len(best) == effort.tree_classes:
             break
     return list(best.values())
 
@@ -119,7 +117,7 @@ def _vertex_classes(problem: Problem, tree: Tree) -> list[tuple[tuple[int, ...],
 # --- lines ------------------------------------------------------------------------------------
 
 
-def line_starts(problem: Problem) -> list[Start]:
+def line_starts(problem: Problem, effort: Effort = USUAL) -> list[Start]:
     """Taut lines of the first orders that the automaton allows, each at several distances from obstacles.
 
     The distances are in standard deviations of a robot that waits at the start for as long as the line takes.
@@ -128,9 +126,9 @@ def line_starts(problem: Problem) -> list[Start]:
     """
     waits = np.repeat(problem.scene.start[None], problem.horizon + 1, axis=0)
     cov = square_matrices(propagate(problem, waits).cov)
-    orders, found = possible_orders(problem, ORDERS), list[Start]()
-    for depth in DEPTHS:
-        for plan, z in product(orders, DISTANCES):
+    orders, found = possible_orders(problem, effort.orders), list[Start]()
+    for depth in effort.depths:
+        for plan, z in product(orders, effort.distances):
             line = taut_line(problem, plan, waits[:1], cov, depth, z)
             if line is not None:
                 found += _walked(problem, line, f"taut line, {z:g} deviations from obstacles")
@@ -139,9 +137,9 @@ def line_starts(problem: Problem) -> list[Start]:
     return found
 
 
-def roadmap_starts(problem: Problem) -> list[Start]:
+def roadmap_starts(problem: Problem, effort: Effort = USUAL) -> list[Start]:
     """Lines of the roadmap, also led through landmarks, that can be flown before the wind ends."""
-    lines = roadmap_lines(problem, LINES)
+    lines = roadmap_lines(problem, effort.lines)
     led = led_lines(problem, lines)
     named = [(line, f"roadmap line {number}") for number, line in enumerate(lines)]
     named += [(line, f"line {number} through landmarks") for number, line in enumerate(led)]

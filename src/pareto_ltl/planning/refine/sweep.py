@@ -12,6 +12,7 @@ import numpy as np
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.effort import Effort, Passes
 from pareto_ltl.planning.refine.sampled import (
     Candidate,
     CommonFlights,
@@ -23,7 +24,6 @@ from pareto_ltl.planning.refine.sampled import (
 )
 from pareto_ltl.planning.refine.starts import Start, flipped_starts, retimed_means, unlike_starts
 from pareto_ltl.planning.routes.path_classes import PathClass, path_class
-from pareto_ltl.settings import RefineConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.machine import on_all_cores
@@ -31,20 +31,7 @@ from pareto_ltl.support.machine import on_all_cores
 Item = TypeVar("Item")
 Progress = Callable[..., None]
 
-COARSE = (0.020, 0.007)  # widths τ of the first polish of a start, as shares of the map's size
-WARM = (0.008, 0.004)  # widths τ in a sweep
-WIDE = (*COARSE[:1], *WARM)  # widths τ for a path that may have to change its form
-FINE = (0.005, 0.003, 0.002)  # widths τ of the last polish
-RIVAL = 4.0  # classes that fail more than this many times as often as the best one are dropped
-MORE_FLIGHTS = 4  # times as many flights are used where failures are rare
-SWEEP_SHARE = 0.75  # share of a budget after which only the last polish is left
-SPACING = 1.03  # ratio of neighbouring length caps
-PLATEAU = 1.5  # a gap of more levels than this between two paths of a front is a plateau
-WITHIN_REACH = 20.0  # excess of a path above which it is not made to keep epsilon: a segment at 3 epsilon
-SCOUTS = 2  # sweeps that are fitted to different flights
-SCOUT_STEPS = 2  # that are reported of each of them
-ALL_STEPS = SCOUT_STEPS * SCOUTS + 1
-KEPT = 1.002  # a path may exceed its cap by this factor
+SCOUT_STEPS = 2  # that are reported of each scout
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +49,7 @@ class Sweep:
     the same flights, in the linearised law until the last solve (``closed``).
     """
 
-    cfg: RefineConfig
+    effort: Effort
     problem: Problem
     refiner: Refiner
     closing: ConstrainedRefiner
@@ -71,19 +58,25 @@ class Sweep:
     many: CommonFlights
     budget: Budget = UNLIMITED
     progress: Progress | None = None
-    before: int = ALL_STEPS - 1
+    before: int = 0
     hopeless: float = 1.0
     most_excess: float = math.inf
 
     @property
     def over(self) -> bool:
-        """Whether the share ``SWEEP_SHARE`` of the budget is spent: only the last polish is left to do."""
-        return self.budget.over(SWEEP_SHARE)
+        """Whether so much of the budget is spent that only the last polish is left to do."""
+        return self.budget.over(self.effort.sweep_share)
 
-    def polish_of(self, widths: Iterable[float], inner: int) -> Polish:
-        """A polish whose ``widths`` are shares of the map's size."""
+    @property
+    def all_steps(self) -> int:
+        """The steps that are reported: some of each scout, and the last polish."""
+        return SCOUT_STEPS * self.effort.scouts + 1
+
+    def polish_of(self, passes: Passes) -> Polish:
+        """The polish ``passes`` on this map."""
         size = float(np.ptp(self.problem.scene.bounds, axis=0).mean())
-        return Polish(tuple(size * w for w in widths), inner)
+        widths, solves = passes
+        return Polish(tuple(size * w for w in widths), solves)
 
     def timed_means(self, x: FloatArray, spare: int) -> FloatArray:
         """The line of ``x`` in the fewest steps and ``spare`` more; more where windows open later."""
@@ -91,21 +84,23 @@ class Sweep:
         return retimed_means(problem, x, min(max(fewest_steps(needed) + spare, 2), problem.horizon), needed)
 
     def held_within(
-        self, lines: Iterable[tuple[FloatArray, int, str]], how: Polish, cap: float
+        self, lines: Iterable[tuple[FloatArray, int, str]], passes: Passes, cap: float
     ) -> list[Candidate]:
         """Lines (means, steps beyond the fewest, origin) polished at a length cap; returns those within."""
+        how, longest = self.polish_of(passes), self.effort.within * cap
 
         def one(line: tuple[FloatArray, int, str]) -> Candidate:
             x, more, origin = line
             return self.refiner.polish(self.timed_means(x, more), self.few, how, cap, origin)
 
-        made = (k for k in self.in_time(one, lines) if k.length <= KEPT * cap and k.smoothed < self.hopeless)
+        made = (k for k in self.in_time(one, lines) if k.length <= longest and k.smoothed < self.hopeless)
         return self.near_epsilon(made)
 
     def in_time(
-        self, make: Callable[[Item], Candidate], items: Iterable[Item], share: float = SWEEP_SHARE
+        self, make: Callable[[Item], Candidate], items: Iterable[Item], share: float | None = None
     ) -> list[Candidate]:
         """What ``make`` makes of ``items``, but for those whose turn comes after ``share`` of the time."""
+        share = self.effort.sweep_share if share is None else share
         made = on_all_cores(lambda item: None if self.budget.over(share) else make(item), items)
         return [k for k in made if k is not None]
 
@@ -119,23 +114,28 @@ class Sweep:
 
     def reassessed(self, k: Candidate) -> Candidate:
         """A path of another search, with its failures in ``flights``."""
-        return self.refiner.assessed(k.flight, self.flights, self.polish_of(WARM, 1).widths[-1], k.origin)
+        width = self.polish_of(self.effort.sweep).widths[-1]
+        return self.refiner.assessed(k.flight, self.flights, width, k.origin)
 
     def class_of(self, k: Candidate) -> PathClass:
         """The class of ``k``."""
         return path_class(self.problem, k.flight.x) if k.kind is None else k.kind
 
     def best_of_classes(self, found: Iterable[Candidate], more: int = 0) -> list[Candidate]:
-        """The best candidate of each class, least failure first, of ``cfg.classes`` and ``more`` at most.
+        """The best candidate of each class, least failure first, of ``effort.classes`` and ``more`` at most.
 
-        Classes that fail more than ``RIVAL`` times as often as the best one are left out.
+        Classes that fail more than ``effort.rival`` times as often as the best one are left out.
         """
         best: dict[PathClass, Candidate] = {}
         for k in sorted(found, key=smoothed):
-            if best and k.smoothed > RIVAL * next(iter(best.values())).smoothed:
+            if best and k.smoothed > self.effort.rival * next(iter(best.values())).smoothed:
                 break
             best.setdefault(self.class_of(k), k)
-        return list(best.values())[: self.cfg.classes + more]
+        return list(best.values())[: self.effort.classes + more]
+
+    def hopeless_above(self, seen: Iterable[Candidate]) -> float:
+        """The smoothed failure above which paths succeed far more rarely than the best one ``seen``."""
+        return 1.0 - self.effort.hopeless * (1.0 - min((k.smoothed for k in seen), default=0.0))
 
     def on_other_sides(self, found: Iterable[Candidate], known: Container[PathClass]) -> list[Start]:
         """``found`` bent past every near obstacle on its other side; one start of each class not known."""
@@ -145,14 +145,15 @@ class Sweep:
 
 
 def new_sweep(
-    cfg: RefineConfig, problem: Problem, flights: CommonFlights, budget: Budget = UNLIMITED,
+    effort: Effort, problem: Problem, flights: CommonFlights, budget: Budget = UNLIMITED,
     progress: Progress | None = None,
 ) -> Sweep:  # fmt: skip
-    """A sweep with the first of ``flights``; ``cfg`` says how many."""
-    model, usual, flights = margin_model(problem), cfg.flights, flights.linear()
-    few, some, many = (first_of(flights, n) for n in (cfg.sweep_flights, usual, MORE_FLIGHTS * usual))
-    closing = ConstrainedRefiner(problem, model)
-    return Sweep(cfg, problem, Refiner(problem, model), closing, few, some, many, budget, progress)
+    """A sweep with the first of ``flights``; ``effort`` says how many."""
+    model, flights, numbers = margin_model(problem), flights.linear(), (effort.sweep_flights, effort.flights)
+    few, some, many = (first_of(flights, n) for n in (*numbers, effort.all_flights))
+    closing, before = ConstrainedRefiner(problem, model), SCOUT_STEPS * effort.scouts
+    refiner = Refiner(problem, model)
+    return Sweep(effort, problem, refiner, closing, few, some, many, budget, progress, before)
 
 
 def first_of(flights: CommonFlights, runs: int) -> CommonFlights:
@@ -177,18 +178,18 @@ def front_of(found: Iterable[Candidate]) -> list[Candidate]:
     return kept
 
 
-def spread_points(front: Sequence[Candidate], limit: int) -> list[tuple[Candidate, float]]:
+def spread_points(effort: Effort, front: Sequence[Candidate], limit: int) -> list[tuple[Candidate, float]]:
     """At most ``limit`` length caps along the front, each with the path to begin with.
 
-    They are at even ratios. A gap between neighbours that is wider than ``PLATEAU`` levels of the sweep is a
-    plateau, where longer paths do not fail less: no cap lies in it, and one on each side. The path to begin
+    They are at even ratios. A gap between neighbours wider than ``effort.plateau`` levels of the sweep is
+    a plateau, where longer paths do not fail less: no cap lies in it, and one on each side. The path to begin
     with has the lowest failure of those at most one level of the sweep longer than the cap.
     """
     if not front:
         return []
     lengths = np.log([k.length for k in front])
     rise = np.diff(lengths)
-    wide = rise > PLATEAU * np.log(SPACING)
+    wide = rise > effort.plateau * np.log(effort.spacing)
     rims = np.flatnonzero(np.append(wide, False) | np.insert(wide, 0, False))
     rims = rims[np.linspace(0, len(rims) - 1, min(len(rims), limit // 2 - 1)).round().astype(int)]
     even = limit - len(rims)
@@ -199,8 +200,6 @@ def spread_points(front: Sequence[Candidate], limit: int) -> list[tuple[Candidat
     caps[-1], caps[0] = front[-1].length, front[0].length
     kept = [float(caps[0])]
     for cap in sorted([*caps[1:].tolist(), *(front[i].length for i in rims)]):
-        if cap > KEPT * kept[-1]:
+        if cap > effort.within * kept[-1]:
             kept.append(cap)
-    return [
-        (min((k for k in front if k.length <= SPACING * cap), key=lambda k: k.smoothed), cap) for cap in kept
-    ]
+    return [(min((k for k in front if k.length <= effort.spacing * cap), key=smoothed), cap) for cap in kept]

@@ -25,7 +25,7 @@ from pareto_ltl.planning.branching.records import TRUNK, BranchFix, Passed, cell
 from pareto_ltl.planning.evaluate import propagate_controls
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.planning.refine import sampled_paths
+from pareto_ltl.planning.refine import Effort, sampled_paths
 from pareto_ltl.planning.refine.separation import allowed_risk, separation
 from pareto_ltl.planning.selection_rules import SMALL
 from pareto_ltl.run.branching.rest_problem import World, rest_of_flight
@@ -237,7 +237,8 @@ class Grower:
             try:
                 rest = rest_of_flight(self.world, learnt, k, q)
                 flights = rest.flights(winds.flights.only(own), x[own, -1])
-                paths = sampled_paths(self.world.settings.refine.coarse(), rest.problem, None, flights)
+                effort = Effort.of(self.world.settings.refine.coarse())
+                paths = sampled_paths(effort, rest.problem, None, flights)
             except (InfeasibleError, DataError) as error:
                 LOG.info("no rest of the flight %s: %s", cell.words, error)
                 continue

@@ -1,0 +1,111 @@
+"""How much a sampled search does, and at which gains it stops: one record, made once from the settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from pareto_ltl.settings import RefineConfig
+
+Passes: TypeAlias = tuple[tuple[float, ...], int]  # widths τ [map sizes] in turn, and solves at each
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """The numbers of a search: counts and ratios, without a unit where none is given.
+
+    Section ``refine`` of the settings gives ``flights``, ``sweep_flights``, ``classes`` and ``points``, and
+    coarse settings give one of the two ``scouts``. All other numbers are the same for every search.
+    """
+
+    # --- flights and scouts ---
+    flights: int
+    sweep_flights: int
+    classes: int
+    points: int
+    scouts: int  # sweeps fitted to different flights: more flights made seeds agree no better
+    more_flights: int = 4  # times as many flights are used where failures are rare
+    sweep_share: float = 0.75  # of a time budget, after which only the last polish is left
+
+    # --- polishes: a wide τ moves a path far, a narrow one counts failures nearly exactly ---
+    first: Passes = (0.020, 0.007), 4  # of a start
+    sweep: Passes = (0.008, 0.004), 3  # at a length cap, from a path polished before
+    wide: Passes = (0.020, 0.008, 0.004), 3  # of a path that may have to change its form
+    last: Passes = (0.005, 0.003, 0.002), 4
+    between: Passes = (0.003, 0.002), 4  # the last polish of a point between two of a front
+    finest: Passes = (0.002,), 4
+    closing: Passes = (0.002,), 1  # within the chance constraints, by a general solver
+    nearer: Passes = (0.002,), 12  # the same on few flights, where a segment breaks epsilon
+
+    # --- starts ---
+    distances: tuple[float, ...] = (2.6, 1.4, 0.8, 0.0)  # of taut lines from obstacles [standard deviations]
+    depths: tuple[float, ...] = (1.0, 0.5, 0.25)  # of lines in regions: 0 the rim, 1 the middle
+    orders: int = 3  # mission orders that taut lines are drawn for
+    lines: int = 64  # classes of lines of the roadmap, the shortest
+    tree_classes: int = 24  # classes and lengths of tree paths, those with the least risk
+
+    # --- first looks ---
+    looked_lines: int = 12  # the best lines that are polished; every seed has the same ones
+    looked_grown: int = 16  # the best tree paths, which do not compete with lines
+    looked_longest: int = 4  # the longest starts, which fail little only once they are polished
+    loose: float = 1.1  # factor by which the first polish may lengthen a start
+    flipped: int = 2  # candidates that are tried on the other side of obstacles
+    led_rounds: int = 2  # of leading the safest candidates through one landmark more
+    led: int = 4  # candidates that are led in a round
+    led_looks: int = 6  # copies of these that are polished
+    rival: float = 4.0  # classes that fail more than this many times as often as the best one are dropped
+    hopeless: float = 0.3  # share of the success of the best start, below which candidates are dropped
+
+    # --- sweep of the length cap ---
+    spacing: float = 1.03  # ratio of neighbouring caps
+    longer: float = 1.08  # ratio of the caps beyond the longest that pays
+    within: float = 1.002  # a path may exceed its cap by this factor: polishes meet caps by a penalty
+    shorten: float = 1.3  # paths up to this many times as long as the cap are shortened to it
+    pays: float = 0.95  # share of the failure of a shorter path, below which a longer one pays
+    worth: float = 0.95  # lengths grow until two in a row leave more than this share of the failure
+    spare_steps: tuple[int, ...] = (0, 1)  # beyond the fewest, besides the number of the path itself
+    slower: float = 0.1  # of the fewest steps: the best path is also tried in so many more
+    compared: int = 12  # classes, besides those that are swept, whose best path is compared by all flights
+
+    # --- last polish of a front ---
+    plateau: float = 1.5  # levels of the sweep: in a wider gap longer paths do not fail less
+    gaps: int = 3  # of a front that are divided in a round
+    lengthened: float = 1.05  # ratio of the caps beyond the longest point
+    rivals: int = 2  # classes that may be safer at longer lengths
+    rival_rounds: int = 2  # how often they are polished
+    near: float = 1.2  # times the failures of the safest path, up to which a rival is polished once more
+    few: int = 3  # failures of all flights, below which a path is not made safer
+    rare: int = 30  # failures of all flights, below which more flights are used
+    economic: int = 8  # points of a front, at most, that are tried at lower airspeeds
+    economic_steps: tuple[float, ...] = (1.2, 1.45, 1.75)  # factors on their steps, where energy may be saved
+    repairs: tuple[int, ...] = (0, 1, 2, 4)  # steps added to a path that cannot be flown
+
+    # --- epsilon: the sweeps do not see it, see ConstrainedRefiner ---
+    nearer_lengths: tuple[float, ...] = (1.0, 1.05, 1.2)  # factors, in turn while a segment breaks epsilon
+    within_reach: float = 20.0  # excess above which a path is not made to keep it: a segment at 3 epsilon
+    epsilon_rounds: int = 3  # where no path keeps it: rounds of variants,
+    epsilon_paths: int = 4  # paths that are varied in each,
+    epsilon_variants: int = 12  # and variants that are polished within the chance constraints
+
+    # --- what is left of a time budget ---
+    varied: int = 4  # points of a front that are varied between two reports
+    varied_steps: tuple[int, ...] = (0, 1, 2, 3, 5, 8)  # numbers of steps beyond the fewest
+    bump: float = 0.03  # standard deviation of a random bend [map sizes]
+
+    # --- long paths: the time of a search is proportional to the number of steps ---
+    merged_from: int = 200  # steps of the shortest start, above which steps are merged
+    merged_legs: int = 100  # runs of steps that it then has, about
+
+    @classmethod
+    def of(cls, cfg: RefineConfig) -> Effort:
+        """The effort that section ``refine`` asks for; one scout if ``cfg`` is coarse."""
+        scouts = 1 if cfg == cfg.coarse() else 2
+        return cls(cfg.flights, cfg.sweep_flights, cfg.classes, cfg.points, scouts)
+
+    @property
+    def all_flights(self) -> int:
+        """The flights that are drawn."""
+        return self.more_flights * self.flights
+
+
+USUAL = Effort.of(RefineConfig())  # of a caller that asks for starts without a search
