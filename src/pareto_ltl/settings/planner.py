@@ -146,7 +146,7 @@ class BranchConfig(CheckedSettings, section="branch"):
         1.0, "probability that the fix can be taken; without it the plan goes on", "(0, 1]"
     )
     rejoin: bool = setting(
-        False,
+        True,
         "whether the robot also flies off its measured distance from the planned position, for some steps "
         "after the fix",
     )

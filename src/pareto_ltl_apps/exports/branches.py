@@ -158,7 +158,8 @@ def branch_lines(plan: Plan, frame: Frame) -> Iterator[str]:
             f"{high:+.1f}) against the same search without the bend"
         )
     parts = [
-        f"{row.leaves}{' after two fixes' * (row.fixes > 1)}: {probability_text(row.rate.failure)}"
+        f"{row.leaves if row.fixes else 'none'}{' after two fixes' * (row.fixes > 1)}: "
+        f"{probability_text(row.rate.failure)}"
         for row in tree.front
     ]
     yield f"by number of branches, in the flights of the search: {', '.join(parts)}"
@@ -344,6 +345,12 @@ of it. The sum gives heading and true airspeed; beyond the airspeeds of the robo
 """
 
 
+def _added(tree: Branching, plan: Plan) -> str:
+    """What a table says of the velocity that is added to it."""
+    until = clock(tree.fix.step * plan.dt + rejoin_seconds(tree))
+    return f" <b>Until {until} add the velocity of the page before.</b>" if tree.fix.rejoin else ""
+
+
 def _place(frame: Frame, point: FloatArray) -> str:
     lon, lat = (float(part[0]) for part in frame.to_geographic(point[None]))
     return f"{lat:.4f}, {lon:.4f}"
@@ -356,10 +363,9 @@ def _table(one: ExportedBranch) -> str:
     rows = []
     for k in range(log.legs):
         if then is not None and one.first + k == then.fix.step:
-            names = ", ".join(other.name for other in then.branches)
             rows.append(
-                '<tr><td colspan="9"><b>measure the position: the next page says which of the tables '
-                f"{names} to fly. No position: go on here.</b></td></tr>"
+                f'<tr><td colspan="9"><b>measure the position: the next page says to fly {_tables(then)}. No '
+                "position: go on here.</b></td></tr>"
             )
         speed = log.calibrated[k] if calibrated else log.airspeed[k]
         heading = "" if math.isnan(log.heading[k]) else f"{round(log.heading[k]) % 360:03d}°"
@@ -382,10 +388,16 @@ def _table(one: ExportedBranch) -> str:
     return f"""<h1>Table {branch.name}</h1>
 <p>Fly it if the position measured {clock(tree.fix.step * plan.dt)} after departure is
 <b>{html.escape(branch.cell.words)}</b>. Of {rate.runs:,} flights that flew it,
-{rate_text(rate.failure, rate.low, rate.high)} failed.</p>
+{rate_text(rate.failure, rate.low, rate.high)} failed.{_added(tree, plan)}</p>
 <table><tr><th>leg</th><th>after departure</th>{head}<th>true heading</th><th>{kind} [m/s]</th>
 <th>expected position</th><th>95 % within [km]</th></tr>
 {"".join(rows)}</table>"""
+
+
+def _tables(tree: Branching) -> str:
+    """The tables of a fix: ``table A``, or ``one of the tables A and B``."""
+    names = [branch.name for branch in tree.branches]
+    return f"one of the tables {', '.join(names[:-1])} and {names[-1]}" if names[1:] else f"table {names[0]}"
 
 
 def _map(tree: Branching, plan: Plan, frame: Frame, reach: float) -> str:
