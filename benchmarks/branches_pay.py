@@ -12,6 +12,8 @@ branches and the new plans, ``FEWER`` for the flights that branches are fitted t
 
 ``--trunks`` plans branches at the first fix for the same missions, once on the path that is best without
 branches and once on the one that ``branch.fit_trunk`` takes, and flies both in the same winds.
+``--rejoining`` plans branches with ``branch.rejoin=true`` on the plans of the finished missions, and flies
+them in the winds of their rows.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ import math
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +34,7 @@ from numpy.random import SeedSequence
 
 from corpus.missions import missions
 from corpus.running import read_rows
+from pareto_ltl.planning.branching.records import Branching
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.planning.selection_rules import SMALL
 from pareto_ltl.run.branching import tree_plan, tree_search
@@ -64,6 +67,7 @@ QUICK = (
 FEWER = {"FITTED": 1500, "JUDGED": 4000, "SELDOM": 0.003}  # constants of the search of trees
 RESAMPLED = 10_000
 SAFE = 0.005  # failure as planned below which there is nothing to gain
+RISKY = 0.2  # failure above which few would fly a plan
 
 
 def planned(folder: Path, words: Sequence[str], extra: Sequence[str]) -> str:
@@ -83,10 +87,12 @@ def opened(folder: Path) -> tuple[Run, Plan]:
     return run, replace(run.plan, path=own)  # the stage of the plan looks for it in the front
 
 
-def with_branches(run: Run, plan: Plan, at: Sequence[int], fit_trunk: bool) -> Plan:
+def with_branches(run: Run, plan: Plan, at: Sequence[int], fit_trunk: bool, *, rejoin: bool = False) -> Plan:
     """``plan`` with branches at the steps ``at``."""
     hours = [step * run.problem.motion.dt / 3600.0 for step in at]
-    branch = BranchConfig(leaves=LEAVES, at=hours, fixes=len(at), fix_sd=error_of(run), fit_trunk=fit_trunk)
+    branch = BranchConfig(
+        leaves=LEAVES, at=hours, fixes=len(at), fix_sd=error_of(run), fit_trunk=fit_trunk, rejoin=rejoin
+    )
     return branched(run.with_settings(replace(run.settings, branch=branch)), plan)
 
 
@@ -156,10 +162,29 @@ def measured(folder: Path, replans: int) -> dict[str, Any]:
     }  # fmt: skip
     if alone.mean() < SAFE:
         return row
-    at = sorted({min(max(round(share * steps), 1), steps - 1) for share in FIXES})
-    if len(at) < len(FIXES):
+    if (at := fixes_of(steps)) is None:
         return row
-    tree = with_branches(run, plan, at, False).branching
+    row |= flown_branches(winds, plan, alone, with_branches(run, plan, at, False).branching)
+    settings = replace(run.settings, replanning=replace(run.settings.replanning, fix_sd=sd))
+    context = ReplanningContext(run.with_settings(settings), winds.flights, (), law_cycle)
+    for name, rate in zip(
+        SETS, replanned_rates(context, Way("", plan.path, fixes=tuple(at)), alone, replans), strict=True
+    ):
+        row[f"new plans, {name}"] = rate
+    return row
+
+
+def fixes_of(steps: int) -> list[int] | None:
+    """The steps of the fixes of a plan of ``steps``; None if it is too short for them."""
+    at = sorted({min(max(round(share * steps), 1), steps - 1) for share in FIXES})
+    return at if len(at) == len(FIXES) else None
+
+
+def flown_branches(
+    winds: TreeFlights, plan: Plan, alone: np.ndarray, tree: Branching | None
+) -> dict[str, Any]:
+    """What a row says of the branches ``tree``: failures with each number of fixes."""
+    row: dict[str, Any] = {}
     if tree is None:
         ways = [alone, alone]
     else:
@@ -168,17 +193,22 @@ def measured(folder: Path, replans: int) -> dict[str, Any]:
         row["tree"] = {
             "step": tree.fix.step, "promised": tree.rate.failure, "runs": tree.rate.runs,
             "rows": [[one.leaves, one.fixes, one.rate.failure, one.length] for one in tree.front],
+            "rejoin": tree.fix.rejoin,
         }  # fmt: skip
     for name, failed in zip(SETS, ways, strict=True):
         row[f"branches, {name}"] = failed.mean()
         row[f"difference, {name}"] = paired_difference(alone, failed)
-    settings = replace(run.settings, replanning=replace(run.settings.replanning, fix_sd=sd))
-    context = ReplanningContext(run.with_settings(settings), winds.flights, (), law_cycle)
-    for name, rate in zip(
-        SETS, replanned_rates(context, Way("", plan.path, fixes=tuple(at)), alone, replans), strict=True
-    ):
-        row[f"new plans, {name}"] = rate
     return row
+
+
+def rejoined(folder: Path) -> dict[str, Any]:
+    """The row of branches that fly distances off, in the winds of :func:`measured`."""
+    run, plan = opened(folder)
+    winds = TreeFlights.drawn(run.problem, FLIGHTS, SeedSequence(20261128))
+    at = fixes_of(len(plan.path.u))
+    assert at is not None
+    made = with_branches(run, plan, at, False, rejoin=True)
+    return flown_branches(winds, plan, winds.failed(plan.path.u), made.branching)
 
 
 def replanned_rates(
@@ -203,6 +233,13 @@ def replanned_rates(
             own[name] = [int(failed.sum()), len(failed)]
             own["rate"] += weight * float(failed.mean())
     return found
+
+
+def with_rejoining(rows: Sequence[dict[str, Any]], more: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows of missions with branches that fly distances off, in the place of those that do not."""
+    known = {row["mission"]: row for row in more}
+    told = [{key: row[key] for key in row if key != "tree"} for row in rows if row["mission"] in known]
+    return [row | known[row["mission"]] for row in told]
 
 
 def tables(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
@@ -256,18 +293,39 @@ def contingency(branches: np.ndarray, replanned: np.ndarray) -> tuple[float, flo
     return middle, float(low), float(high)
 
 
-def compare_all(out: Path) -> None:
-    """Compare the trunks of the finished missions of ``out``, as lines of OUT/trunks.jsonl."""
-    file = out / "trunks.jsonl"
-    rows = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
-    done = {row["mission"] for row in rows}
-    for name in (row["mission"] for row in read_rows(out) if row.get("as planned", 0.0) >= SAFE):
-        if name in done:
+def known_rows(file: Path) -> list[dict[str, Any]]:
+    """The lines of ``file``; none if it does not exist."""
+    return [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
+
+
+def compare_all(out: Path, name: str, row_of: Callable[[Path], dict[str, Any]]) -> None:
+    """``row_of`` the finished missions of ``out``, as lines of OUT/NAME.jsonl."""
+    file, began = out / f"{name}.jsonl", time.process_time()
+    done = {row["mission"] for row in known_rows(file)}
+    for row in read_rows(out):
+        mission = row["mission"]
+        if mission in done or f"branches, {SETS[0]}" not in row:
             continue
-        rows.append({"mission": name, **compared_trunks(out / "missions" / name)})
+        found = {"mission": mission, **row_of(out / "missions" / mission)}
         with file.open("a") as stream:
-            stream.write(json.dumps(rows[-1]) + "\n")
-        print("\n".join(trunk_table(rows)), flush=True)
+            stream.write(json.dumps(found) + "\n")
+        print(mission, f"{time.process_time() - began:.0f} s", flush=True)
+
+
+def report(out: Path) -> str:
+    """The tables of everything in ``out``."""
+    rows = read_rows(out)
+    lines = [*tables(rows), *trunk_table(known_rows(out / "trunks.jsonl"))]
+    more = known_rows(out / "rejoining.jsonl")
+    if more:
+        both = with_rejoining(rows, more)
+        names = {row["mission"] for row in both}
+        lines += ["", "the same missions as below, with cells alone:"]
+        lines += tables([row for row in rows if row["mission"] in names])
+        lines += ["", "branches that also fly the measured distance off (branch.rejoin=true):", *tables(both)]
+        low = [row for row in both if row["as planned"] <= RISKY]
+        lines += ["", f"of them those of which at most {100 * RISKY:.0f} % fail as planned:", *tables(low)]
+    return "\n".join(lines)
 
 
 def main() -> int:
@@ -279,6 +337,7 @@ def main() -> int:
     parser.add_argument("--replans", type=int, default=8, help="flights of a mission with new plans")
     parser.add_argument("--out", type=Path, default=FOLDER)
     parser.add_argument("--trunks", action="store_true", help="compare trunks on the finished missions")
+    parser.add_argument("--rejoining", action="store_true", help="fly distances off on the finished missions")
     parser.add_argument("--tables", "--report", action="store_true", help="only print the tables")
     asked = parser.parse_intermixed_args()
     out = asked.out.resolve()
@@ -294,9 +353,13 @@ def main() -> int:
             if hasattr(module, constant):
                 setattr(module, constant, value)
     mark.write_text(json.dumps(identity) + "\n")
-    if asked.trunks:
-        compare_all(out)
-        return 0
+    for name, wanted, row_of in (
+        ("trunks", asked.trunks, compared_trunks), ("rejoining", asked.rejoining, rejoined)
+    ):  # fmt: skip
+        if wanted:
+            compare_all(out, name, row_of)
+            print(report(out))
+            return 0
     done = {row["mission"] for row in read_rows(out)}
     for mission in [] if asked.tables else missions(asked.count, asked.seed, 1):
         if mission.name in done or mission.tags["wind"] == "calm":
@@ -312,10 +375,7 @@ def main() -> int:
         with (out / "rows.jsonl").open("a") as stream:
             stream.write(json.dumps({"mission": mission.name, **row}) + "\n")
         print(mission.name, fault or f"{100 * row['as planned']:.1f} % fail as planned", flush=True)
-    print("\n".join(tables(read_rows(out))))
-    compared = out / "trunks.jsonl"
-    lines = compared.read_text().splitlines() if compared.exists() else []
-    print("\n".join(trunk_table([json.loads(line) for line in lines])))
+    print(report(out))
     return 0
 
 

@@ -194,11 +194,18 @@ class Normals(Protocol):
 
 
 def fly(
-    law: Law, mean: FloatArray, u: FloatArray, runs: int, rng: Normals, landmarks: Sequence[Landmark] = ()
+    law: Law,
+    mean: FloatArray,
+    u: FloatArray,
+    runs: int,
+    rng: Normals,
+    landmarks: Sequence[Landmark] = (),
+    change: FloatArray | None = None,
 ) -> FloatArray:
     """Positions (runs, T+1, 2) [m] of new flights of the controls ``u`` about ``mean`` under ``law``.
 
-    Robots measure their position at ``landmarks``. Robots that correct their course land where they have
+    Robots measure their position at ``landmarks``, or add ``change`` (T, runs, 2) [m/s] to their controls,
+    within their airspeeds. Robots that correct their course land where they have
     spent their capacity.
     """
     robot, x = law.robot, np.empty((runs, len(u) + 1, 2))
@@ -208,7 +215,8 @@ def fly(
     # Other random numbers, as many as the path has slots: the winds of paths of any length stay the same.
     scales = drawn_scales(law, runs, rng.spawn(1)[0])
     x[:, 0] += theta[:, law.modes :] @ law.errors.start.T
-    limited = robot.capacity is not None and (filters is not None or robot.feedback > 0.0)
+    changed = change is not None and bool(change.any())
+    limited = robot.capacity is not None and (filters is not None or robot.feedback > 0.0 or changed)
     left = np.full(runs, robot.capacity) if limited else None  # [J]
     for t, planned in enumerate(u):
         theta = next_field(law, t, theta, rng) if t else theta
@@ -219,6 +227,8 @@ def fly(
         else:
             off = _off_plan(robot, u[max(t - 1, 0)], planned, own)
             wanted = _held_controls(robot, mean[t : t + 2], planned, x[:, t], wind + off)
+        if change is not None and (asked := change[t].any(axis=1)).any():
+            wanted = np.where(asked[:, None], robot.within_speed(wanted + change[t]), wanted)
         flown, before = robot.flown(wanted, wanted if t == 0 else before, own), wanted
         x[:, t + 1] = x[:, t] @ robot.a.T + robot.dt * (flown @ robot.b.T + wind)
         if left is not None:

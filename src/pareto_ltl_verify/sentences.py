@@ -100,12 +100,21 @@ def _moment(
 def _selected(tree: dict[str, Any], moment: str, begin: str, what: str) -> Iterator[str]:
     """What files say of a fix; ``what`` is flown without it."""
     letters = [row["name"] for row in tree["branches"]]
-    yield (
-        f"{begin} {moment} a position fix selects one of the branches {', '.join(letters[:-1])} and "
-        f"{letters[-1]}; without it, {what} goes on."
-    )
+    which = f"one of the branches {', '.join(letters[:-1])} and {letters[-1]}"
+    which = which if letters[1:] else f"branch {letters[0]}"
+    yield f"{begin} {moment} a position fix selects {which}; without it, {what} goes on."
     for row in tree["branches"]:
         yield f"Branch {row['name']}: the measured position is {row['where']}."
+    if steps := tree["fix"].get("rejoin_steps", 0):
+        t = tree["branches"][0]["t"]
+        seconds = round(steps * (t[1] - t[0]))
+        rate = f"{1e3 / (steps * (t[1] - t[0])):.3g} m/s"
+        yield (
+            "The distance of the measured position from the planned one is flown off in the "
+            f"{seconds // 3600}:{seconds % 3600 // 60:02d}:{seconds % 60:02d} after the fix: for each "
+            f"kilometre ahead of it the velocity through the air is {rate} less along the planned track, for "
+            f"each kilometre left of it {rate} more to the right, within the airspeeds of the robot."
+        )
 
 
 def known_sentences(result: Evidence, name: str) -> Iterator[str]:

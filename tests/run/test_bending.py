@@ -44,7 +44,7 @@ def detour() -> tuple[Grower, Any, Tree]:
     stem, rests = Stem.trunk(path), [path.u[STEP:]]
     table = grower.table(stem, fix, rests)
     divisions = (grower.of_cells(table, (Cell(),)), grower.of_cells(table, HALVES))
-    return grower, path, Tree(stem, fix, tuple(rests), divisions, table, divisions[0])
+    return grower, path, Tree(stem, fix, tuple(rests), divisions, table, divisions[0], divisions[0])
 
 
 def test_bumps_move_neither_the_departure_nor_the_end(detour: Any) -> None:
@@ -130,7 +130,7 @@ def test_a_second_time_is_tried_as_the_first_fix_only_if_the_first_does_not_pay(
 
     monkeypatch.setattr(Grower, "begun", begin)
     monkeypatch.setattr(Grower, "grown", lambda self, tree: tree)
-    for pays, steps in ((2, [STEP]), (1, [STEP, STEP + 4])):
+    for pays, steps in ((2, [STEP]), (0, [STEP, STEP + 4])):
         begun.clear()
         monkeypatch.setattr(stage, "worthwhile_leaves", lambda _, pays=pays: pays)
         found, number = stage.best_tree(grower, front, [(0, tree.fix), (0, later)], 2)

@@ -49,7 +49,7 @@ SMALL: dict[str, Any] = {
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("branches") / "run"
-    pareto_ltl.plan("phi1", PHI1, out=place, branch={"leaves": 2, "at": [AT]}, **SMALL)
+    pareto_ltl.plan("phi1", PHI1, out=place, branch={"leaves": 2, "at": [AT], "rejoin": False}, **SMALL)
     return place
 
 
@@ -318,7 +318,7 @@ def twice(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A plan that branches at two fixes, each branch at the second one by itself."""
     place = tmp_path_factory.mktemp("branches") / "twice"
     at = [float(FIRST), float(SECOND)]
-    pareto_ltl.plan("phi1", PHI1, out=place, branch={"leaves": 2, "at": at, "fixes": 2}, **SMALL)
+    pareto_ltl.plan("phi1", PHI1, out=place, branch={"leaves": 2, "at": at, "fixes": 2, "rejoin": False}, **SMALL)
     return place
 
 

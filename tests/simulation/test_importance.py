@@ -213,6 +213,17 @@ def test_drawn_densities_are_those_of_the_draws(name):
     assert inside.any(axis=1).sum() >= 150
 
 
+def test_flights_whose_errors_hardly_count_have_finite_draws_and_densities() -> None:
+    """Half-spaces are hundreds of their deviations away: their chances round to 0."""
+    proposal = proposal_of("feedback")
+    n = 400
+    with np.errstate(all="raise", under="ignore"):
+        z, theta, density = importance.draw_proposal(proposal, np.full(n, 1e-3), np.random.default_rng(5))
+    for part in (*z, theta, density):
+        assert np.isfinite(part).all()
+    assert (density >= proposal.ladder.plain).all()
+
+
 def test_headwinds_are_the_way_by_which_steady_winds_set_a_robot_back():
     u = np.array([[3.0, 4.0], [5.0, 0.0], [0.0, -2.0], [1.0, 0.0]])
     forms = failure_modes.headwinds(u)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
 from coherent import STEPS, coherent_problem
+from pareto_ltl.kernels.data import Point
+from pareto_ltl.kernels.pilots import RejoiningPilot, command
 from pareto_ltl.planning.branching.belief import Course, learnt_in_cell, noise_of, prior_at
 from pareto_ltl.planning.branching.cells import Cell, Moments
 from pareto_ltl.planning.branching.records import TRUNK, BranchFix, Passed, cells_of
@@ -138,6 +141,66 @@ def test_position_and_wind_in_the_cells_of_two_fixes_are_those_of_their_flights(
     # The first fix tells something that the second one does not.
     alone = course.given(passed[1:], course.told(passed[1:]))
     assert np.linalg.norm(alone.x[end] - given.x[end]) > 0.05 * whole
+
+
+def test_what_is_flown_off_is_gone_in_the_law_and_in_the_flights(sorted_flights) -> None:
+    """Of one fix and of two: means and covariances in the cells, against flights that fly it off."""
+    problem, flight, winds, _, fix, _ = sorted_flights
+    first = replace(fix, rejoin=6)
+    y, taken = winds.measured_along(flight.u, first)
+    once = winds.after(first, y, taken)
+    x = once.flown(flight.u)
+    assert (np.hypot(*(flight.u + once.change[: len(flight.u), 0]).T) < ROBOT.u_max).all()
+    course, cell = Course.of(problem, flight.x), cells_of(tuple(CELLS), first.distances(y))
+    for number, held in enumerate(CELLS):
+        rows, passed = np.flatnonzero(cell == number), (Passed(first, held),)
+        _agrees(x[rows], course.given(passed, course.told(passed)), (STEP + 3, STEP + 6, len(STEPS) - 1))
+    sd = math.sqrt(np.trace(square_matrices(flight.cov)[-1]))
+    assert math.sqrt(np.trace(np.cov(x[:, -1].T))) < 0.8 * sd
+
+    # The second fix lies beside the mean, and comes while the first deviation is still flown off.
+    for later, rejoin in ((STEP + 4, 3), (LATER, 4)):
+        ahead = STEPS[later] - STEPS[later - 1]
+        second = BranchFix(later, STEPS[later] + 60.0, ahead / np.hypot(*ahead), 100.0, rejoin=rejoin)
+        box = Cell((-math.inf, 150.0), (-100.0, math.inf))
+        y2, taken2 = once.measured(second, x[:, later], 1)
+        twice = once.after(second, y2, taken2).flown(flight.u)
+        held = cell == 1
+        rows = np.flatnonzero(held & box.holds(second.distances(y2)))
+        passed = (Passed(first, CELLS[1]), Passed(second, box))
+        told = course.told(passed)
+        assert told.share == pytest.approx(len(rows) / held.sum(), abs=3 / math.sqrt(held.sum()) + 0.01)
+        _agrees(twice[rows], course.given(passed, told), (later, later + 2, later + rejoin, len(STEPS) - 1))
+
+
+def _agrees(x: np.ndarray, given, steps: tuple[int, ...]) -> None:
+    """Positions of flights against the law, within 6 standard errors and 5 % of the spread."""
+    n = len(x)
+    for t in steps:
+        cov = square_matrices(given.cov)[t]
+        sd = math.sqrt(np.trace(cov))
+        assert np.linalg.norm(x[:, t].mean(axis=0) - given.x[t]) < (6 / math.sqrt(n) + 0.05) * sd
+        assert np.abs(np.cov(x[:, t].T) - cov).max() < (6 * math.sqrt(2 / n) + 0.06) * sd**2
+
+
+def test_a_change_is_flown_within_the_airspeeds_and_by_those_with_the_fix(sorted_flights) -> None:
+    """A deviation that is too large for the steps is flown off at full airspeed; others keep their track."""
+    problem, flight, winds, x, fix, _ = sorted_flights
+    few, taken = winds.only(np.arange(50)), np.arange(50) < 25
+    far = np.tile(fix.place + np.array([5e5, 0.0]), (50, 1))
+    after = few.after(replace(fix, rejoin=2), far, taken)
+    flown = after.flown(flight.u)
+    assert (flown[25:] == x[25:50]).all()
+    assert (flown[:25, : STEP + 1] == x[:25, : STEP + 1]).all()
+    kernel = RejoiningPilot(flight.u, after.change)
+    for t in (STEP - 1, STEP, STEP + 1, STEP + 2):
+        east, north = command(kernel, problem.motion, t, 0, Point(0.0, 0.0), Point(0.0, 0.0))
+        if t in (STEP, STEP + 1):
+            assert math.hypot(east, north) == pytest.approx(ROBOT.u_max)
+            assert east < -0.99 * ROBOT.u_max
+        else:
+            assert (east, north) == tuple(flight.u[t])
+    assert few.after(fix, far, taken) is few
 
 
 def test_branches_that_go_on_as_planned_change_nothing(sorted_flights) -> None:

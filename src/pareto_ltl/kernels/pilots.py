@@ -19,6 +19,17 @@ class Autopilot(NamedTuple):
     mean: FloatArray
 
 
+class RejoiningPilot(NamedTuple):
+    """Flies the controls ``u`` (T, 2) [m/s], and at step t of flight i also ``change[t, i]`` (T, n, 2) [m/s].
+
+    The change flies off a deviation that was measured. A control that it changes is limited to u_min and
+    u_max.
+    """
+
+    u: FloatArray
+    change: FloatArray
+
+
 class FilterLaw(NamedTuple):
     """The law about the planned means, for T steps: e' = F e + dt (ψ' θ + E κ + white).
 
@@ -117,7 +128,7 @@ class ErringPilot(NamedTuple):
     last: FloatArray
 
 
-Pilot: TypeAlias = Autopilot | Navigator | ErringPilot
+Pilot: TypeAlias = Autopilot | RejoiningPilot | Navigator | ErringPilot
 
 
 @by_type
@@ -188,6 +199,27 @@ def _command_autopilot(
     ux -= b_inv[0, 0] * ex + b_inv[0, 1] * ey
     uy -= b_inv[1, 0] * ex + b_inv[1, 1] * ey
     return within_airspeed(motion, ux, uy)
+
+
+@implements(begin_flights, RejoiningPilot)
+def _begin_rejoining(_pilot: RejoiningPilot) -> None:
+    pass
+
+
+@implements(observe, RejoiningPilot)
+def _observe_before(_pilot: RejoiningPilot, _motion: Motion, _t: int, _x: FloatArray) -> None:
+    pass
+
+
+@implements(command, RejoiningPilot)
+def _command_rejoining(
+    pilot: RejoiningPilot, motion: Motion, t: int, i: int, _at: Point, _wind: Point
+) -> tuple[float, float]:  # fmt: skip
+    ux, uy = pilot.u[t, 0], pilot.u[t, 1]
+    east, north = pilot.change[t, i, 0], pilot.change[t, i, 1]
+    if east == 0.0 and north == 0.0:
+        return ux, uy
+    return within_airspeed(motion, ux + east, uy + north)
 
 
 # --- the robot's own errors -------------------------------------------------------------------

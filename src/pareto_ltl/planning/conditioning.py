@@ -13,7 +13,7 @@ and C = Cov(e_i, θ)
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -126,6 +126,10 @@ class Learnt:
             x[step], cov, cov, np.zeros((2, modes)), np.zeros((0, 2, modes)), np.zeros(0), own.mean,
             own.root @ own.root.T, flight.errors.cross[step] @ own.root.T,
         )  # fmt: skip
+
+    def at_place(self, place: FloatArray, sd: float) -> Learnt:
+        """The same for a robot at ``place`` (2,) [m], with an independent error ``sd`` [m]."""
+        return replace(self, mean=place, cov=sd**2 * np.eye(2), shared=np.zeros_like(self.shared))
 
     @property
     def sd(self) -> float:

@@ -145,6 +145,11 @@ class BranchConfig(CheckedSettings, section="branch"):
     available: float = setting(
         1.0, "probability that the fix can be taken; without it the plan goes on", "(0, 1]"
     )
+    rejoin: bool = setting(
+        True,
+        "whether the robot also flies off its measured distance from the planned position, for some steps "
+        "after the fix",
+    )
 
 
 @dataclass

@@ -12,7 +12,7 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.kernels.pilots import Autopilot
+from pareto_ltl.kernels.pilots import Autopilot, RejoiningPilot
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.problem import Problem, merged_draws
 from pareto_ltl.planning.refine.sampled import deviations_from
@@ -109,6 +109,15 @@ class DrawnFlights:
         """
         pilot = self._autopilot(u, mean)
         return self._flown_by(pilot, mean, self.problem.energy, self.draws)
+
+    def rejoining(self, u: FloatArray, change: FloatArray) -> FloatArray:
+        """Positions (n, T+1, 2) [m] of the controls ``u`` (T, 2) + ``change`` (T, n, 2) [m/s] by flight.
+
+        Robots without feedback and without position fixes, except those that the change comes from.
+        """
+        own = self.problem.own_errors(self.law)
+        pilot = erring_pilot(RejoiningPilot(u, change), u, own, self.errors, linear=self.linearised)
+        return self._flown_by(pilot, np.zeros((len(u) + 1, 2)), self.problem.energy, self.draws)
 
     def _pilot(self, u: FloatArray, mean: FloatArray) -> Any:
         maker = sim.pilot_maker(self.problem, u, mean, self.law, linear=self.linearised)

@@ -28,6 +28,7 @@ from pareto_ltl.kernels.pilots import (
     Moves,
     Navigator,
     Pilot,
+    RejoiningPilot,
 )
 from pareto_ltl.planning.error_tail import draw_scales, scaled_fields
 from pareto_ltl.planning.evaluate import propagate
@@ -248,7 +249,7 @@ def fly_draws(
 def corrects(motion: kd.Motion, pilot: Pilot) -> bool:
     """Whether the robot corrects its course, so that its flights do not spend what the plan does."""
     steers = pilot.pilot if isinstance(pilot, ErringPilot) else pilot
-    return motion.gain > 0.0 or isinstance(steers, Navigator)
+    return motion.gain > 0.0 or isinstance(steers, Navigator | RejoiningPilot)
 
 
 def full_tank(motion: kd.Motion, runs: int, energy: EnergyModel | None) -> kernel.Tank:

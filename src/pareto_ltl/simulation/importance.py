@@ -57,6 +57,7 @@ from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
 from pareto_ltl.support.machine import on_all_cores
 from pareto_ltl.support.seeds import unspawned
 
+FARTHEST = 35.0  # standard deviations to the nearest half-space that a flight is pushed into: Φ(-35) = 1e-268
 SPARE = 2.0  # the upper end of an interval allows for one more weight, this many times the largest one drawn
 
 
@@ -228,6 +229,8 @@ def draw_proposal(
     Eq. (M64) of docs/mathematics_methods.md.
     """
     law, modes, ladder, n = proposal.plan.linear, proposal.modes, proposal.ladder, len(scale)
+    # Any scale gives a valid mixture; with a smaller one the chances of all half-spaces would round to 0.
+    scale = np.maximum(scale, modes.threshold.min() / FARTHEST)
     chances = proposal.chances(scale)
     shares = np.append(ladder.share, ladder.plain)
     level = rng.choice(len(shares), n, p=shares / shares.sum())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -27,11 +27,15 @@ class TreeFlights:
         Standard normal draws of the errors of the measured positions, at each fix.
     luck : (n, LEVELS) float
         Uniform draws; a fix can be taken if its draw is below its probability.
+    change : (S, n, 2) float or None
+        What each flight adds to its control at each step [m/s], to fly off deviations measured before; None:
+        nothing.
     """
 
     flights: DrawnFlights
     noise: FloatArray
     luck: FloatArray
+    change: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.flights)
@@ -47,11 +51,30 @@ class TreeFlights:
 
     def only(self, rows: IntArray) -> TreeFlights:
         """The flights ``rows``, ascending."""
-        return TreeFlights(self.flights.only(rows), self.noise[rows], self.luck[rows])
+        change = None if self.change is None else np.ascontiguousarray(self.change[:, rows])
+        return TreeFlights(self.flights.only(rows), self.noise[rows], self.luck[rows], change)
 
     def flown(self, u: FloatArray) -> FloatArray:
-        """Positions (n, T+1, 2) [m] of the controls ``u`` (T, 2), without a fix."""
+        """Positions (n, T+1, 2) [m] of the controls ``u`` (T, 2), without a further fix."""
+        if self.change is not None:
+            return self.flights.rejoining(u, self.change)
         return self.flights.flown(u, np.zeros((len(u) + 1, 2)))
+
+    def after(self, fix: BranchFix, y: FloatArray, taken: BoolArray) -> TreeFlights:
+        """These flights after ``fix``, which those ``taken`` (n,) take at the measured ``y`` (n, 2) [m].
+
+        They fly off their distance from the planned position, instead of what they measured before. Flights
+        that do not take the fix go on.
+        """
+        if fix.rejoin == 0 and self.change is None:
+            return self
+        problem = self.flights.problem
+        change = np.zeros((problem.horizon, len(self), 2)) if self.change is None else self.change.copy()
+        change[fix.step :, taken] = 0.0
+        if fix.rejoin:
+            back = fix.change(y[taken], problem.motion.dt) @ problem.motion.b_inv.T
+            change[fix.step : fix.step + fix.rejoin, taken] = back
+        return replace(self, change=change)
 
     def measured(self, fix: BranchFix, x: FloatArray, level: int = 0) -> tuple[FloatArray, BoolArray]:
         """Measured positions (n, 2) [m] of flights at ``x`` (n, 2), and which of them are taken.
@@ -77,7 +100,10 @@ def whole_controls(trunk: FloatArray, step: int, rest: FloatArray) -> FloatArray
 def fly_rests(
     winds: TreeFlights, trunk: FloatArray, step: int, rests: Sequence[FloatArray], branch: IntArray
 ) -> BoolArray:
-    """Which flights (n,) fail if each flies the rest of its ``branch``, or ``TRUNK``."""
+    """Which flights (n,) fail if each flies the rest of its ``branch``, or ``TRUNK``.
+
+    ``winds`` are flights after the fix (:meth:`TreeFlights.after`).
+    """
     failed = np.zeros(len(winds), bool)
     for number, rest in ((TRUNK, trunk[step:]), *enumerate(rests)):
         rows = np.flatnonzero(branch == number)
@@ -120,6 +146,7 @@ def fly_branches(winds: TreeFlights, u: FloatArray, tree: Branching, level: int 
     fix = tree.fix
     y, taken = winds.measured_along(u, fix, level)
     branch[:, level] = np.where(taken, tree.chosen(y), TRUNK)
+    winds = winds.after(fix, y, taken)
     for number, one in enumerate(tree.branches):
         rows = np.flatnonzero(branch[:, level] == number)
         if not len(rows):

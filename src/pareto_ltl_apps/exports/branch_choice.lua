@@ -1,12 +1,20 @@
--- The branch of a satellite fix, by its distances along the planned track and to its left; nil without a fix.
-local function measured_branch(node)
+-- The distance of a satellite fix from the planned position; nil without a fix.
+local function measured_distance(node)
     if gps:status(0) < FIX_3D then
         return nil
     end
     local place = Location()
     place:lat(node.fix.lat)
     place:lng(node.fix.lng)
-    local off, track = place:get_distance_NE(gps:location(0)), math.rad(node.fix.track)
+    return place:get_distance_NE(gps:location(0))
+end
+
+-- The branch of a distance, by its parts along the planned track and to its left; nil without a distance.
+local function measured_branch(node, off)
+    if off == nil then
+        return nil
+    end
+    local track = math.rad(node.fix.track)
     local along = off:x() * math.cos(track) + off:y() * math.sin(track)
     local left = off:x() * math.sin(track) - off:y() * math.cos(track)
     for number, one in ipairs(node.branches) do
@@ -24,9 +32,10 @@ local function choose(time)
         return
     end
     local asked = math.floor(param:get("SCR_USER" .. level) or 0)
-    local number = here.branches[asked] and asked or measured_branch(here)
+    local off = measured_distance(here)
+    local number = here.branches[asked] and asked or measured_branch(here, off)
     if number ~= nil then
-        here, level = here.branches[number], level + 1
+@REJOIN@        here, level = here.branches[number], level + 1
         LEGS, END, leg = here.legs, here.t_end, 0
         say(INFO, "branch " .. here.name)
     end

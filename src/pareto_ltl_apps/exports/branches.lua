@@ -7,3 +7,4 @@ local ROOT = {
 @TREE@
 }
 local PLAN, PLAN_END = LEGS, END
+@REJOINED@

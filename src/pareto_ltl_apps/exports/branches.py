@@ -24,6 +24,7 @@ OF_STEPS = ("t", "x", "utc", "lat", "lon", "major", "minor", "azimuth", "radius"
 WHOLE = ("law", "fixes", "late", "swing")  # not by step
 SPAN = 3.2  # standard deviations of the measured position that the map of a card shows
 SIZE = 560.0  # pixels of that map
+STEPS_KM = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # of the table of what is flown off
 COLORS = ("#2a78b5", "#c96f12", "#2f8f4e", "#8a4fa3")  # of the branches, also apart in grey
 
 
@@ -106,13 +107,35 @@ def _moment(log: NavigationLog, k: int) -> str:
 
 def _selected(tree: Branching, moment: str, begin: str, what: str) -> Iterator[str]:
     """What a fix selects, and the cell of each branch; ``what`` goes on without it."""
-    names = ", ".join(branch.name for branch in tree.branches[:-1])
-    yield (
-        f"{begin} {moment} a position fix selects one of the branches {names} and {tree.branches[-1].name}; "
-        f"without it, {what} goes on."
-    )
+    yield f"{begin} {moment} a position fix selects {_named(tree)}; without it, {what} goes on."
     for branch in tree.branches:
         yield f"Branch {branch.name}: the measured position is {branch.cell.words}."
+    if tree.fix.rejoin:
+        yield f"The distance of the measured position from the planned one is flown off {rejoin_text(tree)}."
+
+
+def _named(tree: Branching) -> str:
+    """The branches that a fix selects from."""
+    names = [branch.name for branch in tree.branches]
+    if len(names) == 1:
+        return f"branch {names[0]}"
+    return f"one of the branches {', '.join(names[:-1])} and {names[-1]}"
+
+
+def rejoin_text(tree: Branching) -> str:
+    """How the distance from the planned position is flown off, after "flown off"."""
+    rate = 1000.0 / rejoin_seconds(tree)
+    return (
+        f"in the {clock(rejoin_seconds(tree))} after the fix: for each kilometre ahead of it the velocity "
+        f"through the air is {rate:.3g} m/s less along the planned track, for each kilometre left of it "
+        f"{rate:.3g} m/s more to the right, within the airspeeds of the robot"
+    )
+
+
+def rejoin_seconds(tree: Branching) -> float:
+    """How long the distance from the planned position is flown off [s]."""
+    t = tree.branches[0].path.t
+    return float(tree.fix.rejoin * (t[1] - t[0]))
 
 
 def branch_lines(plan: Plan, frame: Frame) -> Iterator[str]:
@@ -135,7 +158,8 @@ def branch_lines(plan: Plan, frame: Frame) -> Iterator[str]:
             f"{high:+.1f}) against the same search without the bend"
         )
     parts = [
-        f"{row.leaves}{' after two fixes' * (row.fixes > 1)}: {probability_text(row.rate.failure)}"
+        f"{row.leaves if row.fixes else 'none'}{' after two fixes' * (row.fixes > 1)}: "
+        f"{probability_text(row.rate.failure)}"
         for row in tree.front
     ]
     yield f"by number of branches, in the flights of the search: {', '.join(parts)}"
@@ -157,6 +181,8 @@ def _question_lines(plan: Plan, tree: Branching, frame: Frame, what: str) -> Ite
             f"{branch.name}.csv; order {branch.path.order or '-'}; "
             f"{probability_text(rate.failure)} of them fail"
         )
+    if fix.rejoin:
+        yield f"  then fly the distance from the planned position off {rejoin_text(tree)}"
     yield f"no fix ({100 * (1 - fix.available):.0f} % expected): {what} goes on"
 
 
@@ -289,9 +315,40 @@ No position: go on with {without}.</p>
 {track_bearing(frame, tree):.0f}° true. Left and right are seen along the track.
 The dashed ellipse holds 95 % of the measured positions. A position far outside of the map is out of what
 the plan expects: check it before you use it.</p>
-<table class="answers"><tr><th>line</th><th>from</th><th>to</th></tr>{lines}</table>
+{_lines_table(lines)}{_rejoin_table(tree, reach)}
 <p class="note">Of {flights} these tables, {rate_text(rate.failure, rate.low, rate.high)} fail;
 of the same flights without the fix, {rate_text(alone.failure, alone.low, alone.high)}.</p>"""
+
+
+def _lines_table(lines: str) -> str:
+    """The lines between the cells by their ends; nothing for one cell."""
+    head = '<table class="answers"><tr><th>line</th><th>from</th><th>to</th></tr>'
+    return f"{head}{lines}</table>" if lines else ""
+
+
+def _rejoin_table(tree: Branching, reach: float) -> str:
+    """What to add to the table for some time, by the distance from the planned position."""
+    if not tree.fix.rejoin:
+        return ""
+    seconds = rejoin_seconds(tree)
+    unit = next((one for one in STEPS_KM if 4.0 * one >= reach / 1e3), STEPS_KM[-1])
+    rows = "".join(
+        f"<tr><td>{distance_text(k * unit * 1e3)}</td><td>{k * unit * 1e3 / seconds:.1f}</td></tr>"
+        for k in range(1, 5)
+    )
+    return f"""<h2>And fly the distance off, for {clock(seconds)}</h2>
+<p>With whichever table, add to the velocity of each of its legs until {clock(seconds)} after the fix: along
+the planned track for what the position is <b>behind</b> the planned one, against the track for what it is
+<b>ahead</b>; to the right for what it is <b>left</b> of the track, to the left for what it is <b>right</b>
+of it. The sum gives heading and true airspeed; beyond the airspeeds of the robot, only the heading.</p>
+<table class="answers"><tr><th>distance</th><th>velocity to add [m/s]</th></tr>{rows}</table>
+"""
+
+
+def _added(tree: Branching, plan: Plan) -> str:
+    """What a table says of the velocity that is added to it."""
+    until = clock(tree.fix.step * plan.dt + rejoin_seconds(tree))
+    return f" <b>Until {until} add the velocity of the page before.</b>" if tree.fix.rejoin else ""
 
 
 def _place(frame: Frame, point: FloatArray) -> str:
@@ -306,10 +363,9 @@ def _table(one: ExportedBranch) -> str:
     rows = []
     for k in range(log.legs):
         if then is not None and one.first + k == then.fix.step:
-            names = ", ".join(other.name for other in then.branches)
             rows.append(
-                '<tr><td colspan="9"><b>measure the position: the next page says which of the tables '
-                f"{names} to fly. No position: go on here.</b></td></tr>"
+                f'<tr><td colspan="9"><b>measure the position: the next page says to fly {_tables(then)}. No '
+                "position: go on here.</b></td></tr>"
             )
         speed = log.calibrated[k] if calibrated else log.airspeed[k]
         heading = "" if math.isnan(log.heading[k]) else f"{round(log.heading[k]) % 360:03d}°"
@@ -332,10 +388,16 @@ def _table(one: ExportedBranch) -> str:
     return f"""<h1>Table {branch.name}</h1>
 <p>Fly it if the position measured {clock(tree.fix.step * plan.dt)} after departure is
 <b>{html.escape(branch.cell.words)}</b>. Of {rate.runs:,} flights that flew it,
-{rate_text(rate.failure, rate.low, rate.high)} failed.</p>
+{rate_text(rate.failure, rate.low, rate.high)} failed.{_added(tree, plan)}</p>
 <table><tr><th>leg</th><th>after departure</th>{head}<th>true heading</th><th>{kind} [m/s]</th>
 <th>expected position</th><th>95 % within [km]</th></tr>
 {"".join(rows)}</table>"""
+
+
+def _tables(tree: Branching) -> str:
+    """The tables of a fix: ``table A``, or ``one of the tables A and B``."""
+    names = [branch.name for branch in tree.branches]
+    return f"one of the tables {', '.join(names[:-1])} and {names[-1]}" if names[1:] else f"table {names[0]}"
 
 
 def _map(tree: Branching, plan: Plan, frame: Frame, reach: float) -> str:

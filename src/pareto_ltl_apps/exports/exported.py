@@ -69,6 +69,8 @@ class ExportedPlan:
         ``robot.feedback_time`` of the plan [s]; None if it is flown without knowledge of the position.
     turn : float or None
         Centripetal acceleration of turns [m/s²]; None for a robot that turns on the spot.
+    airspeeds : (float, float)
+        Least and largest true airspeed of the robot [m/s].
     branches : tuple of ExportedBranch
         What to fly after a position fix; empty for a plan without branches.
     """
@@ -86,6 +88,7 @@ class ExportedPlan:
     feedback: float | None = None
     turn: float | None = None
     air: FlownAir | None = None
+    airspeeds: tuple[float, float] = (0.0, math.inf)
     branches: tuple[ExportedBranch, ...] = ()
 
     @property
@@ -189,6 +192,7 @@ def exported_plan(settings: Settings, problem: Problem, plan: Plan, seed: SeedSe
         turn=problem.turns.acceleration,
         vehicle=vehicle_of(height, problem),
         medium=settings.medium,
+        airspeeds=(motion.u_min, motion.u_max),
         branches=exported_branches(problem, plan, air),
     )
 

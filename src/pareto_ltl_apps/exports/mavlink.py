@@ -13,6 +13,8 @@ from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from typing import Any
 
+import numpy as np
+
 from pareto_ltl.extend import Branching
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
@@ -188,25 +190,43 @@ def _lua_branches(exported: ExportedPlan) -> dict[str, str]:
     """What the script needs to branch: the tree of its tables, the choice; empty without branches."""
     tree = exported.plan.branching
     if tree is None:
-        return dict.fromkeys(("@BRANCHES@", "@CHOOSER@", "@CHOOSE@", "@RESET@"), "")
+        return dict.fromkeys(("@BRANCHES@", "@CHOOSER@", "@CHOOSE@", "@RESET@", "@CHANGED@"), "")
+    rejoins = any(one.tree.fix.rejoin for one in exported.branches)
+    legs = {"@TREE@": "\n".join(_lua_tree(exported, tree, "    ")), "@REJOINED@": ""}
+    if rejoins:
+        legs["@REJOINED@"] = _lua_airspeeds(exported) + _filled("rejoin.lua", {})
     return {
-        "@BRANCHES@": "\n"
-        + _filled("branches.lua", {"@TREE@": "\n".join(_lua_tree(exported, tree, "    "))}),
-        "@CHOOSER@": _filled("branch_choice.lua", {}),
+        "@BRANCHES@": "\n" + _filled("branches.lua", legs),
+        "@CHOOSER@": _filled(
+            "branch_choice.lua", {"@REJOIN@": _filled("rejoin_choice.lua", {}) if rejoins else ""}
+        ),
         "@CHOOSE@": "    choose(time)\n",
-        "@RESET@": "        here, level, LEGS, END = ROOT, 1, PLAN, PLAN_END\n",
+        "@RESET@": f"        here, level, LEGS, END{', change' * rejoins} = ROOT, 1, PLAN, PLAN_END"
+        f"{', nil' * rejoins}\n",
+        "@CHANGED@": "    airspeed, heading = rejoined(LEGS[number][1], airspeed, heading)\n" * rejoins,
     }
+
+
+def _lua_airspeeds(exported: ExportedPlan) -> str:
+    """The limits of the true airspeed, and its ratio to the airspeed of the legs, as variables of Lua."""
+    (slowest, fastest), air = exported.airspeeds, exported.air
+    ratio = 1.0 if air is None else fastest / float(air.calibrated(np.array([fastest]))[0])
+    values = (("SLOWEST", slowest), ("FASTEST", fastest), ("RATIO", ratio))
+    what = "true airspeeds [m/s]; true to calibrated airspeed"
+    names, numbers = zip(*((name, _number(value)) for name, value in values), strict=True)
+    return f"local {', '.join(names)} = {', '.join(numbers)} -- {what}\n"
 
 
 def _lua_tree(exported: ExportedPlan, tree: Branching, indent: str) -> Iterator[str]:
     """Fix and branches of ``tree`` as entries of a table of Lua; a branch that branches again has its own."""
     frame, fix, dt = exported.scene.frame, tree.fix, exported.plan.dt
     lon, lat = (float(part[0]) for part in frame.to_geographic(fix.place[None]))
-    moment = fix.step * dt
+    moment, rejoins = fix.step * dt, any(one.tree.fix.rejoin for one in exported.branches)
     yield (
         f"{indent}fix = {{ t = {_number(moment)}, last = {_number(moment + 0.5 * dt)}, "
         f"lat = {round(lat * DEGREE)}, lng = {round(lon * DEGREE)}, "
-        f"track = {_number(track_bearing(frame, tree))} }},"
+        f"track = {_number(track_bearing(frame, tree))}"
+        f"{f', rejoin = {_number(fix.rejoin * dt)}' if rejoins else ''} }},"
     )
     yield f"{indent}branches = {{"
     inside = indent + "    "

@@ -56,7 +56,7 @@ end
 
 local function commands_of(number)
     local _, airspeed, heading, wind, wind_sd, from, from_sd = table.unpack(LEGS[number])
-    local all = { { SPEED, { p1 = 0, p2 = airspeed, p3 = 0 } } }
+@CHANGED@    local all = { { SPEED, { p1 = 0, p2 = airspeed, p3 = 0 } } }
     if heading >= 0 then
         all[#all + 1] = { HEADING, { frame = GLOBAL, p1 = 1, p2 = heading, p3 = TURN } }
     end

@@ -98,9 +98,16 @@ def _fix(event: Event) -> str:
 
 
 def _branch(event: Event) -> str:
+    added = ""
+    if "change" in event:
+        east, north = event["change"]
+        added = (
+            f", for {event['seconds'] / 60.0:.0f} min with {math.hypot(east, north):.1f} m/s towards "
+            f"{math.degrees(math.atan2(east, north)) % 360.0:03.0f}° added to its velocities through the air"
+        )
     return (
         f"BRANCH {event['name']}: the measured position is {event['where']}; fly "
-        f"branch_{event['name']}.csv from here on (of simulated flights that flew it, "
+        f"branch_{event['name']}.csv from here on{added} (of simulated flights that flew it, "
         f"{probability_text(event['failure'])} failed)"
     )
 

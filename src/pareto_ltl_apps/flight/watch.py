@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl_apps.flight.belief import LAW, Belief, Estimate
-from pareto_ltl_apps.flight.branches import selected_branch
+from pareto_ltl_apps.flight.branches import rejoining, selected_branch
 from pareto_ltl_apps.flight.goals import BELIEVED, Goal, completed, planned_goals, reached
 from pareto_ltl_apps.flight.position_fixes import causes, chance, in_plane, on_map
 from pareto_ltl_apps.flight.rules import ADVICE, Event, Rules, alarm, event_of
@@ -254,7 +254,7 @@ class Watch:
             elif event["event"] == "fix":
                 self._believe(event)
             elif event["event"] == "branch":
-                self._take_branch(event["name"])
+                self._take_branch(event["name"], event.get("change", (0.0, 0.0)))
             elif event["event"] == "status":
                 self.energy, self.due = event["energy"] or 0.0, event["time"] + self.settings.every
                 self.line_due = event["time"] + self.settings.lines if event["shown"] else self.line_due
@@ -299,21 +299,30 @@ class Watch:
 
     def _branched(self, place: FloatArray) -> Iterator[Event]:
         """Which branch of the plan a fix that is used selects; the watch then follows it."""
-        branch = selected_branch(self.plan, self.time, place)
-        if branch is None:
+        found = selected_branch(self.plan, self.time, place)
+        if found is None or self.plan.branching is None:
             return
+        (branch, change), steps = found, self.plan.branching.fix.rejoin
+        added = {"change": change.tolist(), "seconds": steps * self.plan.dt} if steps else {}
         yield event_of(
-            "branch", self.time, name=branch.name, where=branch.cell.words, failure=branch.rate.failure
-        )
-        self._take_branch(branch.name)
+            "branch", self.time, name=branch.name, where=branch.cell.words, failure=branch.rate.failure,
+            **added,
+        )  # fmt: skip
+        self._take_branch(branch.name, change)
 
-    def _take_branch(self, name: str) -> None:
-        """Follow the branch ``name`` from here on."""
+    def _take_branch(self, name: str, change: Sequence[float] | FloatArray) -> None:
+        """Follow the branch ``name`` from here on, with ``change`` (2,) [m/s] to its first velocities."""
         tree = self.plan.branching
         branch = next((one for one in tree.branches if one.name == name), None) if tree else None
         if branch is None:
             raise DataError(f"the journal names branch {name}, which the plan does not have")
+        assert tree is not None
         self.plan = plan_on_branch(self.plan, branch)
+        if n := tree.fix.rejoin:
+            path, first = self.plan.path, tree.fix.step
+            u = rejoining(self.problem, slice(first, first + n), np.array(change, float), path.u)
+            log = self.problem.scene.frame.navigation(path.t, path.x, u)
+            self.plan = replace(self.plan, path=replace(path, u=u), navigation=log)
         now = self.belief.step
         self.goals = [goal for goal in planned_goals(self.problem, self.plan.path) if goal.step > now]
 

@@ -41,6 +41,7 @@ from pareto_ltl.support.seeds import stage_seeds
 from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.records import FORECAST_PARTS, forecast_parts
 from pareto_ltl_apps.exports.exported import HELD_TIME
+from pareto_ltl_apps.flight.branches import rejoining
 from pareto_ltl_apps.flight.replanning import replanned
 from pareto_ltl_apps.flight.rest_of_flight import PROMPT_FLIGHTS, PROMPT_POINTS, PROMPT_TREES, NewWind
 from pareto_ltl_apps.studies import forecast_test
@@ -278,6 +279,9 @@ def branch_controls(
             break
         branch = then.branches[int(then.chosen(y)[0])]
         u, x = np.concatenate([u[:k], branch.path.u]), np.concatenate([x[:k], branch.path.x])
+        if fix.rejoin:
+            change = fix.change(y[0], wind.problem.motion.dt)
+            u = rejoining(wind.problem, slice(k, k + fix.rejoin), change, u)
         taken, then = taken + 1, branch.then
     return u, x, taken
 

@@ -80,6 +80,11 @@ class Node(NamedTuple):
             return np.asarray(able, bool)
         return np.asarray(able & (deepest([convex(self.fix["landmark"])], x) >= -ON_EDGE), bool)
 
+    @property
+    def rejoin(self) -> int:
+        """The number of steps in which the distance from the planned position is flown off; 0: it is not."""
+        return int(self.fix.get("rejoin_steps", 0))
+
     def on(self, row: dict[str, Any]) -> FloatArray:
         """The controls (T, 2) of a branch, from the departure on."""
         return np.vstack([self.u[: self.step], np.array(row["u"], float)])
@@ -146,8 +151,10 @@ def _where_faults(result: Evidence, node: Node) -> dict[str, Any]:
     at_times = bool(cfg["at"])
     sd = cfg["fix_sd"] if at_times else result.robot.fix_sd
     steps = [round(3600.0 * hours / result.robot.dt) for hours in cfg["at"]]
+    rejoin, least = node.rejoin, 1 if node.rejoin else 2
     return {
-        f"{name}: {len(node.rows)} branches": not 2 <= len(node.rows) <= cfg["leaves"],
+        f"{name}: {len(node.rows)} branches": not least <= len(node.rows) <= cfg["leaves"],
+        f"{name}: {rejoin} steps to rejoin": not 0 <= rejoin <= (len(node.u) - k) * cfg.get("rejoin", False),
         f"{name}: a fix after {len(node.before)} others": len(node.before) >= cfg.get("fixes", 1),
         f"{name}: step {k} is at no time of branch.at": at_times and k not in steps,
         f"{name}: the outline is no landmark": not at_times and fix["landmark"] not in marks,
@@ -192,7 +199,7 @@ def words(result: Evidence) -> Verdict | None:
                 _side(c, d, "left of", "right of", "the planned track"),
                 _side(a, b, "ahead of", "behind", "the planned position (along the track)"),
             ]
-            text = ", and ".join(part for part in parts if part)
+            text = ", and ".join(part for part in parts if part) or "anywhere"
             faults[f"branch {row['name']}: {row['where']}"] = row["where"] != text
     return no_fault(f"{len(faults)} cells", faults)
 
@@ -225,7 +232,8 @@ def _side(low: float, high: float, up: str, down: str, what: str) -> str:
 class Told(NamedTuple):
     """What cells say, of ``draws`` flights that come to the last fix.
 
-    Share of the last cell; mean (2n,) and covariance (2n, 2n) of y - x at the n fixes in the cells.
+    Share of the last cell; mean (2n,) and covariance (2n, 2n) of y - x at the n fixes in the cells, with y as
+    it would be if nothing were flown off.
     """
 
     share: float
@@ -245,13 +253,24 @@ class Course(NamedTuple):
     x: FloatArray
     cov: FloatArray
     across: FloatArray
+    F: FloatArray
 
     @classmethod
     def of(cls, result: Evidence, u: FloatArray) -> Course:
         """The flights of the controls ``u`` (T, 2)."""
         law = result.law("coherent", len(u))
         course = laws.fly_controls(law, result.start, u)
-        return cls(course.x, course.cov, laws.covariance_across(law, course))
+        return cls(course.x, course.cov, laws.covariance_across(law, course), course.F)
+
+    def pushed(self, node: Node, until: int) -> FloatArray:
+        """Where (T+1, 2, 2) a metre east or north that is flown off after the fix of ``node`` has led to.
+
+        ``until`` is the step of a later fix, from which on its own distance is flown off instead.
+        """
+        off, rate = np.zeros((len(self.x), 2, 2)), np.eye(2) / max(node.rejoin, 1)
+        for t in range(node.step, len(self.F)):
+            off[t + 1] = self.F[t] @ off[t] + (rate if t < min(node.step + node.rejoin, until) else 0.0)
+        return off
 
     def between(self, steps: list[int], others: list[int]) -> FloatArray:
         """Covariance (2n, 2m) of the deviations at ``steps`` with those at ``others``."""
@@ -279,12 +298,15 @@ def _sampled(node: Node, course: Course) -> list[Told]:
     S = course.between(steps, steps)
     e = rng.standard_normal((DRAWS, len(S))) @ np.linalg.cholesky(S + 1e-9 * np.trace(S) * np.eye(len(S))).T
     y, come = e.copy(), np.ones(DRAWS, bool)
-    number = np.zeros(DRAWS, int)
+    number, gone = np.zeros(DRAWS, int), np.zeros((DRAWS, 2))
     for n, one in enumerate(fixes):
         own, middle = slice(2 * n, 2 * n + 2), course.x[one.step]
         y[:, own] += one.fix["sd"] * rng.standard_normal((DRAWS, 2))
-        come &= one.taken(middle + e[:, own], np.zeros(DRAWS))
-        number = one.number(middle + y[:, own])
+        come &= one.taken(middle + e[:, own] - gone, np.zeros(DRAWS))
+        seen = middle + y[:, own] - gone
+        number = one.number(seen)
+        if one.rejoin and one is not node:
+            gone = (seen - one.fix["place"]) @ course.pushed(one, steps[n + 1])[steps[n + 1]].T
         if one is not node:
             come &= number == node.before[n][1]
     y, number = y[come], number[come]
@@ -338,13 +360,31 @@ def _off(result: Evidence, node: Node, row: dict[str, Any], told: Told) -> float
     if x.shape != (len(u) - k + 1, 2) or cov.shape != (len(u) - k + 1, 2, 2):
         return None
     worst = 0.0
+    off, middle = _flown_off(course, fixes)
     for t in range(k, len(u) + 1):
         D = course.between([t], steps)
         mean, left = course.x[t] + D @ inverse @ told.mean, course.cov[t] - D @ W @ D.T
+        if off is not None:
+            mean = mean - off[t] @ (told.mean - middle)
+            both = D @ inverse - off[t]
+            left = course.cov[t] - D @ inverse @ D.T + both @ told.cov @ both.T
         sd = math.sqrt(max(float(np.trace(left)), result.grain**2))
         worst = max(worst, float(np.linalg.norm(x[t - k] - mean)) / sd)
         worst = max(worst, float(np.abs(cov[t - k] - left).max()) / sd**2)
     return max(worst - SPREAD * told.doubt, 0.0)
+
+
+def _flown_off(course: Course, fixes: list[Node]) -> tuple[FloatArray | None, FloatArray]:
+    """H (T+1, 2, 2n) or None, and c (2n,): H (a - c) is flown off, a the distances y - x without that."""
+    middle = np.concatenate([np.array(one.fix["place"]) - course.x[one.step] for one in fixes])
+    if not any(one.rejoin for one in fixes):
+        return None, middle
+    first = course.pushed(fixes[0], fixes[1].step if len(fixes) > 1 else len(course.x))
+    if len(fixes) == 1:
+        return first, middle
+    last = course.pushed(fixes[1], len(course.x))
+    # What the second fix measures is less by what the first one has led to until then.
+    return np.concatenate([first - last @ first[fixes[1].step], last], axis=2), middle
 
 
 def navigation(result: Evidence) -> Verdict | None:
@@ -452,37 +492,51 @@ def flown(result: Evidence) -> list[Flown]:
     found = dict[tuple[int, ...], Flown]()
     nodes = nodes_of(result)
     root = nodes[0]
-    x = _new_flights(result, root.u)
-    _fly(result, root, x, np.arange(RUNS), found)
+    steps = max(len(node.on(row)) for node in nodes for row in node.rows)
+    change = np.zeros((max(steps, len(root.u)), RUNS, 2))
+    _fly(result, root, change, np.arange(RUNS), found)
     ordered = [found[tuple(number for _, number in node.before)] for node in nodes]
     result.remembered["branches"] = ordered
     return ordered
 
 
-def _new_flights(result: Evidence, u: FloatArray) -> FloatArray:
-    """Positions (RUNS, T+1, 2) [m] of the controls ``u`` (T, 2), in the same winds for all controls."""
+def _new_flights(result: Evidence, u: FloatArray, change: FloatArray) -> FloatArray:
+    """Positions (RUNS, T+1, 2) [m] of the controls ``u`` (T, 2), in the same winds for all controls.
+
+    ``change`` (S, RUNS, 2) [m/s] is what each flight adds to them.
+    """
     law = result.law("coherent", len(u))
-    return fly(law, np.vstack([result.start] * (len(u) + 1)), u, RUNS, np.random.default_rng(SEED))
+    held = np.vstack([result.start] * (len(u) + 1))
+    return fly(law, held, u, RUNS, np.random.default_rng(SEED), change=change[: len(u)])
 
 
 def _fly(
-    result: Evidence, node: Node, x: FloatArray, rows: IntArray, found: dict[tuple[int, ...], Flown]
+    result: Evidence, node: Node, change: FloatArray, rows: IntArray, found: dict[tuple[int, ...], Flown]
 ) -> BoolArray:
-    """Sort the flights ``rows``, which fly ``x``, at a fix; which of them fail with all branches."""
+    """Sort the flights ``rows`` at a fix; which of them fail with all branches.
+
+    ``change`` (S, RUNS, 2) [m/s] is added to the controls after earlier fixes.
+    """
     rng = np.random.default_rng([SEED, 1 + len(node.before)])
     error, luck = rng.standard_normal((RUNS, 2)), rng.random(RUNS)
+    x = _new_flights(result, node.u, change)
     at = x[rows, node.step]
     y = at + node.fix["sd"] * error[rows]
     number = np.where(node.taken(at, luck[rows]), node.number(y), -1)
     alone = result.ground.failed(x[rows])
-    failed = alone.copy()
+    failed, robot, met = alone.copy(), result.robot, number >= 0
+    if node.rejoin or node.before:
+        change = change.copy()
+        change[node.step :, rows[met]] = 0.0
+    if node.rejoin:
+        back = (np.array(node.fix["place"]) - y[met]) / (node.rejoin * robot.dt)
+        change[node.step : node.step + node.rejoin, rows[met]] = np.linalg.solve(robot.b, back.T).T
     for j, row in enumerate(node.rows):
-        own = number == j
-        later, there = node.after(j), _new_flights(result, node.on(row))
+        own, later = number == j, node.after(j)
         if later is None:
-            failed[own] = result.ground.failed(there[rows[own]])
+            failed[own] = result.ground.failed(_new_flights(result, node.on(row), change)[rows[own]])
         else:
-            failed[own] = _fly(result, later, there, rows[own], found)
+            failed[own] = _fly(result, later, change, rows[own], found)
     found[tuple(number for _, number in node.before)] = Flown(rows, number, failed, alone)
     return failed
 

@@ -9,6 +9,13 @@ given y, so that with D = Cov(e, y) = Σ and C = Cov(y, θ)
 
 and the same with κ, the robot's own errors, in the place of θ. V = 0 is a position fix, (M67). Of two fixes y
 is the vector of both measured positions, and a cell is a cell at each.
+
+If the robot flies off y - p, p the planned position at the fix, in the n steps after it, then
+
+    e' = e - G (y - p),    G_t = Σ_s F_{t-1} ... F_{s+1} / n    over the steps s of these n before t,
+
+as long as its airspeeds allow it. Cells at a second fix hold positions measured after that. Moments ``told``
+are always of y as it would be without: y - x of the second fix is less by G (y - p) of the first.
 """
 
 from __future__ import annotations
@@ -37,14 +44,17 @@ def prior_at(problem: Problem, passed: Sequence[Passed], x: FloatArray) -> Joint
     return joint_at(problem, x, fixes[-1].step, fixes)
 
 
-def measured_moments(passed: Sequence[Passed], among: FloatArray, means: FloatArray) -> Moments:
+def measured_moments(
+    passed: Sequence[Passed], among: FloatArray, means: FloatArray, back: FloatArray | None = None
+) -> Moments:
     """What the cells at n fixes say of y - x, the measured positions about their means.
 
     The share is the one of the last cell, of the flights that are in the cells before it and take the fix;
     mean (2n,) and covariance (2n, 2n) are in the plane [m, m²]. ``among`` (2n, 2n) [m²] is Cov(e), and
     ``means`` (n, 2) [m] are the expected positions of all flights of these controls. One fix that can be
     taken anywhere has the moments of (M79), others have moments of a fixed sample: a fix that only
-    a landmark gives tells that the robot is in it.
+    a landmark gives tells that the robot is in it. ``back`` (n, n, 2, 2): G at fix n of what was measured at
+    an earlier one.
     """
     if len(passed) == 1 and passed[0].fix.landmark is None:
         (fix, cell), axes = passed[0], passed[0].fix.axes
@@ -57,11 +67,16 @@ def measured_moments(passed: Sequence[Passed], among: FloatArray, means: FloatAr
     root = np.linalg.cholesky(among + 1e-9 * np.trace(among) * np.eye(len(among)))
     off = (rng.standard_normal((draws, len(among))) @ root.T).reshape(shape)
     held = taken = np.ones(draws, bool)
+    flown_off = np.zeros(shape)
     for n, (fix, cell) in enumerate(passed):
-        there = means[n] + off[:, n]
+        there = means[n] + off[:, n] - flown_off[:, n]
         off[:, n] += fix.sd * rng.standard_normal((draws, 2))
+        y = means[n] + off[:, n] - flown_off[:, n]
         taken = held & fix.inside(there)
-        held = taken & cell.holds(fix.distances(means[n] + off[:, n]))
+        held = taken & cell.holds(fix.distances(y))
+        if back is not None:
+            for later in range(n + 1, len(passed)):
+                flown_off[:, later] += (y - fix.place) @ back[later, n].T
     if held.sum() < 2:
         raise ValueError(f"no position that can be measured lies {passed[-1].cell.words}")
     y = off[held].reshape(-1, len(among))
@@ -126,7 +141,22 @@ class Course:
     def told(self, passed: Sequence[Passed]) -> Moments:
         """The moments of the measured positions in the cells ``passed``."""
         steps = [fix.step for fix, _ in passed]
-        return measured_moments(passed, self.between(steps, steps), self.flight.x[steps])
+        between, back = self.between(steps, steps), None
+        if any(fix.rejoin for fix, _ in passed):
+            back = np.array([self.back(passed)[:, step] for step in steps])
+        return measured_moments(passed, between, self.flight.x[steps], back)
+
+    def back(self, passed: Sequence[Passed]) -> FloatArray:
+        """G (n, T+1, 2, 2) of each fix: the share of what it measures that is flown off at each step."""
+        F, steps = self.flight.F, [fix.step for fix, _ in passed]
+        found = np.zeros((len(passed), len(self.flight.x), 2, 2))
+        for n, (fix, _) in enumerate(passed):
+            end = min([fix.step + fix.rejoin, *steps[n + 1 :]])  # a later fix replaces it
+            for t in range(fix.step, len(F)):
+                found[n, t + 1] = F[t] @ found[n, t]
+                if t < end:
+                    found[n, t + 1] += np.eye(2) / fix.rejoin
+        return found
 
     def given(self, passed: Sequence[Passed], told: Moments) -> Flight:
         """The flight with means and covariances of the flights in the cells, from the last fix on.
@@ -140,10 +170,31 @@ class Course:
         inverse = np.linalg.inv(S)
         W = inverse @ (S - told.cov) @ inverse
         means, cov = x.copy(), square_matrices(self.flight.cov)
+        off, place = self._flown_off(passed) if any(fix.rejoin for fix, _ in passed) else (None, told.mean)
         for t in range(steps[-1], len(x)):
             D = self.between([t], steps)
             means[t] = x[t] + D @ inverse @ told.mean
             after = cov[t] - D @ W @ D.T
+            if off is not None:
+                means[t] -= off[t] @ (told.mean - place)
+                mixed = off[t] @ told.cov @ inverse @ D.T
+                after += off[t] @ told.cov @ off[t].T - mixed - mixed.T
             cov[t] = 0.5 * (after + after.T)
         packed = np.ascontiguousarray(cov.reshape(-1, 4)[:, [0, 1, 3]])
         return self.flight._replace(x=means, cov=packed)
+
+    def _flown_off(self, passed: Sequence[Passed]) -> tuple[FloatArray, FloatArray]:
+        """H (T+1, 2, 2n) and r (2n,) [m]: H (a - r) is flown off, with a = y - x as it would be without.
+
+        H (a - r) = Σ_i G_i (y_i - p_i), where y_i is less by what earlier fixes have flown off.
+        """
+        G, n = self.back(passed), len(passed)
+        steps = [fix.step for fix, _ in passed]
+        place = np.concatenate([fix.place - self.flight.x[fix.step] for fix, _ in passed])
+        # y_i - p_i = Σ_j M_ij (a - place)_j, with M_i = 1_i - Σ_{j<i} G_j(k_i) M_j
+        M = np.eye(2 * n)
+        for i in range(n):
+            for j in range(i):
+                M[2 * i : 2 * i + 2] -= G[j, steps[i]] @ M[2 * j : 2 * j + 2]
+        H = np.concatenate(list(G), axis=-1) @ M
+        return H, place

@@ -32,6 +32,7 @@ def branches_document(tree: Branching, air: FlownAir | None) -> dict[str, Any]:
             "sd": fix.sd,
             "available": fix.available,
             "landmark": fix.landmark,
+            **({"rejoin_steps": fix.rejoin} if fix.rejoin else {}),
         },
         "rate": asdict(tree.rate),
         "alone": asdict(tree.alone),
@@ -74,6 +75,7 @@ def read_branches(content: Mapping[str, Any]) -> Branching:
     read = BranchFix(
         fix["step"], np.array(fix["place"], float), np.array(fix["ahead"], float), float(fix["sd"]),
         float(fix["available"]), None if outline is None else np.array(outline, float),
+        int(fix.get("rejoin_steps", 0)),
     )  # fmt: skip
     if abs(math.hypot(*read.ahead) - 1.0) > 1e-6:
         raise ValueError("branches/fix/ahead must be a unit vector")

@@ -41,6 +41,9 @@ class BranchFix:
         Probability that the fix can be taken; without it the plan goes on.
     landmark : (n, 2) float or None
         Convex outline [m] of the landmark outside of which no fix can be taken; None: anywhere.
+    rejoin : int
+        Number n of steps from the fix on in which the robot flies off its distance from ``place``: it adds
+        -(y - place) / (n dt) to each air velocity of its branch, within its airspeeds; 0: it does not.
     """
 
     step: int
@@ -49,6 +52,7 @@ class BranchFix:
     sd: float
     available: float = 1.0
     landmark: FloatArray | None = None
+    rejoin: int = 0
 
     @property
     def axes(self) -> FloatArray:
@@ -59,6 +63,13 @@ class BranchFix:
     def distances(self, y: FloatArray) -> FloatArray:
         """Distances along and left (n, 2) [m] of the positions ``y`` (n, 2) [m]."""
         return np.asarray((y - self.place) @ self.axes.T, float)
+
+    def change(self, y: FloatArray, dt: float) -> FloatArray:
+        """What robots at the measured ``y`` (n, 2) [m] add to their velocities, (n, 2) [m/s].
+
+        For ``rejoin`` steps of ``dt`` [s]; 0 if they fly nothing off.
+        """
+        return np.asarray((self.place - y) / (max(self.rejoin, 1) * dt) * bool(self.rejoin), float)
 
     def inside(self, x: FloatArray) -> BoolArray:
         """Which robots at ``x`` (n, 2) [m] are where a fix can be taken."""
@@ -105,9 +116,9 @@ class Branch:
 
 @dataclass(frozen=True, slots=True)
 class TreeRow:
-    """A row of the front of trees: ``leaves`` tables to end on, 1 for none, failure and expected length [m].
+    """A row of the front of trees: ``leaves`` tables to end on, failure and expected length [m].
 
-    ``fixes`` are the fixes that a flight can take.
+    ``fixes`` are the fixes that a flight can take: 0 for the plan without branches.
     """
 
     leaves: int
@@ -151,8 +162,9 @@ class Branching:
     bent: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        if not 2 <= len(self.branches) <= len(NAMES):
-            raise ValueError(f"a fix has 2 to {len(NAMES)} branches, got {len(self.branches)}")
+        least = 1 if self.fix.rejoin else 2
+        if not least <= len(self.branches) <= len(NAMES):
+            raise ValueError(f"a fix has {least} to {len(NAMES)} branches, got {len(self.branches)}")
 
     def chosen(self, y: FloatArray) -> IntArray:
         """The number of the branch for each measured position ``y`` (n, 2) [m]."""

@@ -20,8 +20,8 @@ from pareto_ltl.planning.problem import unaided
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine.separation import keeps_epsilon
 from pareto_ltl.run.branching.tree_search import Division, Grower, Stem, Tree, expected_means
-from pareto_ltl.simulation.tree_flights import TreeFlights, fly_rests, whole_controls
-from pareto_ltl.support.arrays import FloatArray, IntArray, length_of
+from pareto_ltl.simulation.tree_flights import fly_rests, whole_controls
+from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.errors import InfeasibleError
 
 BUMPS = 4  # from the departure to the fix
@@ -146,15 +146,11 @@ def _score_of(grower: Grower, made: Bent | None, division: Division, order: tupl
     if made is None:
         return math.inf
     winds, k, u = grower.fitted, made.fix.step, made.path.u
-    branch = branch_of(winds, made, division)
+    y, taken = winds.measured_along(u, made.fix)
+    branch = np.where(taken, cells_of(division.cells, made.fix.distances(y)), TRUNK)
+    winds = winds.after(made.fix, y, taken)
     rests = [made.rests[n] for n in order]
     failed = fly_rests(winds, u, k, rests, branch)
     own = [length_of(expected_means(grower.problem, whole_controls(u, k, rest))) for rest in rests]
     lengths = np.array([*own, length_of(made.path.x)])  # the last one of flights without a fix
     return grower.score(float(failed.mean()), float(lengths[branch].mean()))
-
-
-def branch_of(winds: TreeFlights, made: Bent, division: Division) -> IntArray:
-    """The cell of each flight, ``TRUNK`` if it takes no fix."""
-    y, taken = winds.measured_along(made.path.u, made.fix)
-    return np.where(taken, cells_of(division.cells, made.fix.distances(y)), TRUNK)

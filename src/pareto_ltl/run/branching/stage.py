@@ -77,7 +77,7 @@ def branched_plan(
         places += [(point, fix) for fix in fixes_on(cfg, world.settings.robot, problem, path)]
     law, runs = problem.fidelity.law, world.settings.selection.runs
     straight, number = best_tree(grower, front, places, cfg.fixes)
-    if number == 1:
+    if number == 0:
         LOG.warning(
             "branches do not pay: %s; the plan has none",
             _row_text(tree_rows(law, straight, Grown(straight, 1))),
@@ -131,7 +131,7 @@ def best_tree(
     shoots = begun([place for place in places if place[1].step < last])
     if shoots:
         tree = grower.grown(min(shoots, key=grower.best_score))
-        if (number := worthwhile_leaves(tree)) > 1:
+        if (number := worthwhile_leaves(tree)) > 0:
             return tree, number
     shoots += begun([place for place in places if place[1].step >= last])
     tree = grower.grown(min(shoots, key=grower.best_score))
@@ -173,7 +173,7 @@ def bent_plan(world: World, base: Plan, path: PlannedPath, seeds: SeedSequence, 
 
 def _row_text(rows: Sequence[TreeRow]) -> str:
     """What each number of branches gives: ``no branch 8 %, 2 branches 6.9 %``."""
-    names = ("no branch", *(f"{row.leaves} branches" for row in rows[1:]))
+    names = ("no branch", *(f"{row.leaves} branch{'es' * (row.leaves > 1)}" for row in rows[1:]))
     return ", ".join(
         f"{name} {rate_text(row.rate.failure, row.rate.low, row.rate.high)}"
         for name, row in zip(names, rows, strict=True)

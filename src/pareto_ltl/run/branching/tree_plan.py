@@ -62,7 +62,7 @@ class Grown:
         for k, one in self.then.items():
             rows = np.flatnonzero(number == k)
             failed[rows], own = one.outcome()
-            length += len(rows) / len(failed) * (own - one.tree.divisions[0].length)
+            length += len(rows) / len(failed) * (own - one.tree.alone.length)
         return failed, length
 
 
@@ -82,7 +82,7 @@ def with_second_fixes(grower: Grower, tree: Tree, number: int, fixes: Fixes) -> 
         if not shoots:
             continue
         own = inner.grown(min(shoots, key=inner.best_score), LATER_ROUNDS)
-        if (leaves := worthwhile_leaves(own)) > 1:
+        if (leaves := worthwhile_leaves(own)) > 0:
             found[k] = Grown(own, leaves)
     return Grown(tree, number, found)
 
@@ -112,12 +112,10 @@ def tree_rows(law: str, alone: Tree, grown: Grown) -> tuple[TreeRow, ...]:
     def row(leaves: int, failed: BoolArray, length: float, fixes: int) -> TreeRow:
         return TreeRow(leaves, FailureRate.counted(law, int(failed.sum()), len(failed)), length, fixes)
 
-    first = alone.divisions[0]
-    rows = [row(1, first.failed, first.length, 0)]
-    rows += [row(k, one.failed, one.length, 1) for k, one in enumerate(grown.tree.divisions[1:], 2)]
-    gains = {
-        k: int(one.tree.divisions[0].failed.sum() - one.outcome()[0].sum()) for k, one in grown.then.items()
-    }
+    rows = [row(1, alone.alone.failed, alone.alone.length, 0)]
+    least = 1 if grown.tree.fix.rejoin else 2
+    rows += [row(k, one.failed, one.length, 1) for k, one in enumerate(grown.tree.divisions, 1) if k >= least]
+    gains = {k: int(one.tree.alone.failed.sum() - one.outcome()[0].sum()) for k, one in grown.then.items()}
     then = dict[int, Grown]()
     for k in sorted(gains, key=lambda k: -gains[k]):
         then[k] = grown.then[k]
@@ -206,7 +204,7 @@ def branch_path(
         label=tuple(problem.decomposition.labels[c] if c >= 0 else frozenset() for c in cell.tolist()),
         u=tree.rests[rest],
         objectives=Objectives(problem.costs_of(x, tree.rests[rest]), unknown, unknown, unknown, unknown),
-        origin="the rest of the plan" if rest == 0 else f"rest {rest} of the branches",
+        origin="the rest of the plan" if rest <= tree.table.first else f"rest {rest} of the branches",
         order=mission_order_text(problem, q, cell, int(q[0])),
     )
     return told.share, path

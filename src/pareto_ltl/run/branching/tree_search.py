@@ -43,6 +43,7 @@ ROUNDS = 2  # in which rests are searched for again in the cells that were drawn
 LATER_ROUNDS = 1  # the same, of a second fix
 SELDOM = 1e-3  # share of all flights: a cell in which fewer fail is not divided again
 SOME = 0.05  # share of the flights of a cell in an automaton state for which a rest is searched for
+REJOINED = (0.1, 0.3, 0.6)  # shares of the rest that are tried for flying off a deviation
 QUADRANTS = tuple(
     Cell(along, left)
     for along in ((0.0, math.inf), (-math.inf, 0.0))
@@ -100,15 +101,19 @@ class Table:
     taken : (n,) bool
         Flights that take the fix; the others fly the stem.
     failed : (n, R) bool
-        Whether flight i fails with rest r; rest 0 is the rest of the stem.
+        Whether flight i fails with rest r; rest 0 is the rest of the stem, without the fix.
     length : (R,) float
         Length of the whole plan with each rest [m].
+    first : int
+        The first rest that a branch can have: 1 if flights with the fix fly off what they measure, so that
+        rest 0 is not flown as a branch.
     """
 
     y: FloatArray
     taken: BoolArray
     failed: BoolArray
     length: FloatArray
+    first: int = 0
 
     def branch(self, cells: tuple[Cell, ...]) -> IntArray:
         """The number of the cell (n,) of each flight, ``TRUNK`` if it takes no fix."""
@@ -132,9 +137,11 @@ class Division:
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """A stem, a fix, and the best division for each number of branches, one being the stem alone.
+    """A stem, a fix, and the best division for each number of branches.
 
-    ``single`` is the best rest for all flights that take the fix: what a fix that says nothing would give.
+    ``alone`` is the stem without the fix, which is the division for one branch, too, unless flights with the
+    fix fly off what they measure. ``single`` is the best rest for all flights that take the fix: what a fix
+    that says nothing would give.
     """
 
     stem: Stem
@@ -142,6 +149,7 @@ class Tree:
     rests: tuple[FloatArray, ...]
     divisions: tuple[Division, ...]
     table: Table
+    alone: Division
     single: Division
     point: int = 0
 
@@ -170,7 +178,8 @@ class Grower:
 
         def inside(winds: TreeFlights) -> TreeFlights:
             y, taken = winds.measured_along(stem.u, fix, stem.level)
-            return winds.only(np.flatnonzero(taken & cell.holds(fix.distances(y))))
+            held = np.flatnonzero(taken & cell.holds(fix.distances(y)))
+            return winds.after(fix, y, taken).only(held)
 
         return replace(self, fitted=inside(self.fitted), judged=inside(self.judged))
 
@@ -192,10 +201,24 @@ class Grower:
 
     def begun(self, stem: Stem, fix: BranchFix) -> Tree:
         """The best trees with rests that were searched for around the planned position."""
-        rests: list[FloatArray] = [stem.u[fix.step :]]
+        fix = self.rejoining(stem, fix)
+        rests: list[FloatArray] = [stem.u[fix.step :]] * (2 if fix.rejoin else 1)
         for cell in QUADRANTS if self.leaves > 2 else _halves():
             rests += self.rests_in(stem, fix, cell)
         return self.tree(stem, fix, rests, self.table(stem, fix, rests))
+
+    def rejoining(self, stem: Stem, fix: BranchFix) -> BranchFix:
+        """``fix`` with the number of steps in which deviations are best flown off on the stem.
+
+        0 if the setting says so, or if the flights fail no less.
+        """
+        if not self.world.settings.branch.rejoin:
+            return fix
+        y, taken = self.fitted.measured_along(stem.u, fix, stem.level)
+        rest = len(stem.u) - fix.step
+        tried = [replace(fix, rejoin=n) for n in sorted({0, *(max(round(s * rest), 1) for s in REJOINED)})]
+        failures = [int(self.fitted.after(one, y, taken).failed(stem.u).sum()) for one in tried]
+        return tried[int(np.argmin(failures))]
 
     def grown(self, tree: Tree, rounds: int = ROUNDS) -> Tree:
         """``tree`` with rests that were searched for again in its cells, and with cells drawn again."""
@@ -209,8 +232,10 @@ class Grower:
 
     def tree(self, stem: Stem, fix: BranchFix, rests: Sequence[FloatArray], table: Table) -> Tree:
         """The best division for each number of branches."""
-        divisions = tuple(self.divided(table, number) for number in range(1, self.leaves + 1))
-        return Tree(stem, fix, tuple(rests), divisions, table, self.of_cells(table, (Cell(),)))
+        alone, single = self.of_cells(table, (Cell(),), only=1), self.of_cells(table, (Cell(),))
+        first, single = (single, alone) if fix.rejoin else (alone, single)
+        more = (self.divided(table, number) for number in range(2, self.leaves + 1))
+        return Tree(stem, fix, tuple(rests), (first, *more), table, alone, single)
 
     def best_score(self, tree: Tree) -> float:
         """The best score of ``tree`` with any number of branches."""
@@ -224,25 +249,29 @@ class Grower:
         rows = np.flatnonzero(taken & cell.holds(fix.distances(y)))
         if len(rows) < LEAST_FLIGHTS:
             return []
-        passed = stem.past(fix, cell)
+        passed, after = stem.past(fix, cell), winds.after(fix, y, taken)
         try:
             told = Course.of(self.problem, stem.means).told(passed)
         except ValueError:
             return []
         learnt = learnt_in_cell(prior_at(self.problem, passed, stem.means), told, noise_of(passed))
         state = np.array([self.problem.states(flight)[-1] for flight in x[rows]])
+        here = x[:, -1]
+        if fix.rejoin:  # the rest is searched for as if the deviation were flown off at once
+            here = here - (y - fix.place)
+            learnt = learnt.at_place(fix.place, fix.sd)
         found: list[tuple[float, FloatArray]] = []
         for q in self.open_states(state):
             own = rows[state == q]
             try:
                 rest = rest_of_flight(self.world, learnt, k, q)
-                flights = rest.flights(winds.flights.only(own), x[own, -1])
+                flights = rest.flights(winds.flights.only(own), here[own])
                 effort = Effort.of(self.world.settings.refine.coarse())
                 paths = sampled_paths(effort, rest.problem, None, flights)
             except (InfeasibleError, DataError) as error:
                 LOG.info("no rest of the flight %s: %s", cell.words, error)
                 continue
-            found += [(self.worth_of(winds.only(rows), stem, k, path.u), path.u) for path in paths]
+            found += [(self.worth_of(after.only(rows), stem, k, path.u), path.u) for path in paths]
         found.sort(key=lambda pair: pair[0])
         return [u for _, u in found[:RESTS] if self.can_be_flown(stem, passed, told, u)]
 
@@ -274,37 +303,43 @@ class Grower:
     def table(self, stem: Stem, fix: BranchFix, rests: Sequence[FloatArray]) -> Table:
         """Which of the flights of the choice fail with which of ``rests``."""
         y, taken = self.judged.measured_along(stem.u, fix, stem.level)
-        empty = Table(fix.distances(y), taken, np.zeros((len(self.judged), 0), bool), np.zeros(0))
+        empty = Table(
+            fix.distances(y), taken, np.zeros((len(self.judged), 0), bool), np.zeros(0), int(fix.rejoin > 0)
+        )
         return self.with_rests(empty, stem, fix, rests)
 
     def with_rests(self, table: Table, stem: Stem, fix: BranchFix, rests: Sequence[FloatArray]) -> Table:
         """``table`` with further columns."""
         controls = [whole_controls(stem.u, fix.step, rest) for rest in rests]
-        failed = np.stack([self.judged.failed(u) for u in controls], axis=1)
+        y, alone = fix.place + table.y @ fix.axes, len(table.length) == 0 and table.first
+        after = self.judged.after(fix, y, table.taken)
+        columns = [(self.judged if alone and k == 0 else after).failed(u) for k, u in enumerate(controls)]
+        failed = np.stack(columns, axis=1)
         length = np.array([length_of(expected_means(self.problem, u)) for u in controls])
         return replace(
             table, failed=np.hstack([table.failed, failed]), length=np.append(table.length, length)
         )
 
     def divided(self, table: Table, leaves: int) -> Division:
-        """The best division into ``leaves`` cells; into one: the stem alone."""
-        if leaves == 1:
-            return self.of_cells(table, (Cell(),), only=1)
+        """The best division into ``leaves`` cells, 2 to 4."""
         found = [self.of_cells(table, cells) for cells in divisions(table.y[table.taken], leaves)]
         return min(found, key=lambda one: self.score(one.failure, one.length))
 
     def of_cells(self, table: Table, cells: tuple[Cell, ...], only: int | None = None) -> Division:
-        """The best rest, of the first ``only``, in each of ``cells``."""
+        """The best rest that a branch can have, or of the first ``only``, in each of ``cells``."""
         alone = table.failed[:, 0]
         p, L = float(alone.mean()), float(table.length[0])
         price = self.saving * (p + SMALL) / L  # [1/m] of failure rate, at the stem
         number = table.branch(cells)
+        first = 0 if only else table.first
         rests, failed = [], alone.copy()
         length = np.full(len(alone), L)
         for k in range(len(cells)):
             rows = number == k
-            cost = table.failed[rows, :only].mean(axis=0) + price * table.length[:only] if rows.any() else [0]
-            best = int(np.argmin(cost))
+            best = first
+            if rows.any():
+                cost = table.failed[rows, first:only].mean(axis=0) + price * table.length[first:only]
+                best += int(np.argmin(cost))
             rests.append(best)
             failed[rows], length[rows] = table.failed[rows, best], table.length[best]
         return Division(cells, tuple(rests), failed, float(length.mean()))
@@ -326,13 +361,13 @@ def segment_risks(problem: Problem, course: Course, passed: tuple[Passed, ...], 
 
 
 def worthwhile_leaves(tree: Tree) -> int:
-    """The fewest branches of ``tree`` beyond which more do not reduce the failures significantly.
+    """The fewest branches of ``tree`` beyond which more do not reduce the failures significantly; 0: none.
 
     The first ones must also fail less than one rest for all flights: else the search has found a better
     stem, and the fix says nothing.
     """
-    number, least = 1, [tree.divisions[0].failed, tree.single.failed]
-    for more, division in enumerate(tree.divisions[1:], 2):
+    number, least = 0, [tree.alone.failed, tree.single.failed]
+    for more, division in enumerate(tree.divisions, 1):
         if all(paired_difference(failed, division.failed)[2] < 0.0 for failed in least):
             number, least = more, [division.failed]
     return number
