@@ -41,9 +41,13 @@ MISSIONS: dict[str, tuple[str | dict[str, Any], str, dict[str, Any]]] = {
         PHI1,
         {"fidelity": "paper", "planner": COMMON["planner"] | {"n_max": 600}},
     ),
-    "fixes": (read_yaml(choice_file("scene", "phi1")) | {"landmarks": BEACONS}, "F a", {}),
+    "fixes": (
+        read_yaml(choice_file("scene", "phi1")) | {"landmarks": BEACONS},
+        "F a",
+        {"refine": REFINED | {"flights": 60, "sweep_flights": 30}},
+    ),
     "deadline": ("phi1", "F[0,40h] a & F[0,60h] b", {}),
-    "calm": ("phi1", "F a", {"wind": "calm"}),
+    "calm": ("phi1", "F a", {"wind": "calm", "robot": COMMON["robot"] | {"heading_sd": 6.0}}),
 }
 
 

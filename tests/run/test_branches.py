@@ -318,7 +318,8 @@ def twice(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A plan that branches at two fixes, each branch at the second one by itself."""
     place = tmp_path_factory.mktemp("branches") / "twice"
     at = [float(FIRST), float(SECOND)]
-    pareto_ltl.plan("phi1", PHI1, out=place, branch={"leaves": 2, "at": at, "fixes": 2, "rejoin": False}, **SMALL)
+    branch = {"leaves": 2, "at": at, "fixes": 2, "rejoin": False}
+    pareto_ltl.plan("phi1", PHI1, out=place, branch=branch, **SMALL)
     return place
 
 
