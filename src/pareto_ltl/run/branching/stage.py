@@ -70,7 +70,8 @@ def branched_plan(
     cfg = world.settings.branch
     problem, own = world.problem, next(k for k, path in enumerate(front.paths) if path is plan.path)
     fixes = possible_fixes(cfg, world.settings.robot, problem, plan.path)
-    grower = Grower.of(world, named_child(seeds, STREAM))
+    worst = 0.0 if plan.epsilon_kept or plan.worst is None else plan.worst.probability
+    grower = Grower.of(world, named_child(seeds, STREAM), worst)
     places = [(own, fix) for fix in fixes]
     for point in promising_trunks(grower, front, own)[1:]:
         path = front.paths[point]
@@ -95,7 +96,7 @@ def branched_plan(
     promised = named_child(seeds, PROMISED)
     flown = fly_tree(problem, path, drafted(problem, grown), runs, promised)
     made = replace(rated(law, drafted(problem, grown), flown, path.x), front=rows)
-    if made.difference[2] >= 0.0 or not keeps_epsilon(problem, grown):
+    if made.difference[2] >= 0.0 or not keeps_epsilon(problem, grown, grower.allowed):
         why = (
             "a segment would break planner.epsilon"
             if made.difference[2] < 0.0
@@ -150,7 +151,7 @@ def bent_if_better(
     pair = [(trunk, tree), (path, better)]
     flown = [fly_tree(problem, one, drafted(problem, Grown(own, number)), runs, seeds) for one, own in pair]
     difference = paired_difference(*(one.failed for one in flown))
-    if difference[2] >= 0.0 or not keeps_epsilon(problem, Grown(better, number)):
+    if difference[2] >= 0.0 or not keeps_epsilon(problem, Grown(better, number), grower.allowed):
         LOG.info("the bent trunk is not taken: difference %.2f points", 100.0 * difference[0])
         return trunk, tree
     return path, better

@@ -22,7 +22,6 @@ from pareto_ltl.planning.evaluate import mission_order_text
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.rates import FailureRate
 from pareto_ltl.planning.records import Objectives, PlannedPath
-from pareto_ltl.planning.refine.separation import allowed_risk
 from pareto_ltl.run.branching.tree_search import (
     LATER_ROUNDS,
     SELDOM,
@@ -223,9 +222,9 @@ def states_from(problem: Problem, state: int, x: FloatArray, step: int) -> tuple
 # --- the chance constraint ---------------------------------------------------------------------------
 
 
-def keeps_epsilon(problem: Problem, grown: Grown) -> bool:
-    """Whether the flights of all branches together keep ``planner.epsilon`` in every segment."""
-    return bool((mixed_risk(problem, grown) <= allowed_risk(problem) * (1.0 + 1e-6)).all())
+def keeps_epsilon(problem: Problem, grown: Grown, allowed: float) -> bool:
+    """Whether the flights of all branches together have at most the ``allowed`` risk in every segment."""
+    return bool((mixed_risk(problem, grown) <= allowed * (1.0 + 1e-6)).all())
 
 
 def mixed_risk(problem: Problem, grown: Grown) -> FloatArray:

@@ -156,21 +156,25 @@ class Tree:
 
 @dataclass(frozen=True, slots=True)
 class Grower:
-    """What the search of all trees shares: flights to fit rests to, flights to choose by, the preference."""
+    """What the search of all trees shares: flights to fit rests to, flights to choose by, the preference.
+
+    ``allowed`` is the largest risk of a collision in a segment.
+    """
 
     world: World
     fitted: TreeFlights
     judged: TreeFlights
     leaves: int
+    allowed: float = math.inf
 
     @classmethod
-    def of(cls, world: World, seeds: SeedSequence) -> Grower:
-        """Draws the flights."""
+    def of(cls, world: World, seeds: SeedSequence, worst: float) -> Grower:
+        """Draws the flights. A plan that breaks epsilon, with the risk ``worst``, may have branches of it."""
         fit, judge = seeds.spawn(2)
         problem = world.problem
         return cls(
             world, TreeFlights.drawn(problem, FITTED, fit), TreeFlights.drawn(problem, JUDGED, judge),
-            world.settings.branch.leaves,
+            world.settings.branch.leaves, max(allowed_risk(problem), worst),
         )  # fmt: skip
 
     def within(self, stem: Stem, fix: BranchFix, cell: Cell) -> Grower:
@@ -296,7 +300,7 @@ class Grower:
         if energy is not None and energy.of(u, self.problem.motion.dt) > capacity:
             return False
         risk = segment_risks(self.problem, course_of(self.problem, u), passed, told)
-        return bool((risk[k:] <= allowed_risk(self.problem) * (1.0 + 1e-6)).all())
+        return bool((risk[k:] <= self.allowed * (1.0 + 1e-6)).all())
 
     # --- the table ---
 
