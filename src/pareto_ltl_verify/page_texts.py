@@ -207,7 +207,9 @@ def verdicts(result: Evidence) -> Iterator[dict[str, str]]:
         yield _row("claimed when the front was judged", claimed, _sample(claimed))
     if (tree := result.plan.get("branches")) is not None:
         when = f"{round(tree['fix']['step'] * result.robot.dt) / 3600:.4g} h"
-        yield _row(f"the plan with branches after a fix at {when}", tree["rate"], _sample(tree["rate"]))
+        steps = tree["fix"].get("rejoin_steps", 0)
+        off = f", and {round(steps * result.robot.dt) / 3600:.4g} h to fly its distance off" if steps else ""
+        yield _row(f"the plan with branches after a fix at {when}{off}", tree["rate"], _sample(tree["rate"]))
         for row in all_branches(tree):
             told = f"{_sample(row['rate'])}: {probability_text(row['share'])} of those with the fix"
             yield _row(f"branch {row['name']}, {row['where']}", row["rate"], told)

@@ -249,7 +249,12 @@ def _verdicts(run: ShownRun, plan: Plan) -> Iterator[dict[str, str]]:
         yield _row("claimed when the front was judged", promise.claimed, promise.claimed.sample)
     if (tree := plan.branching) is not None:
         when = f"{round(tree.fix.step * plan.dt) / 3600:.4g} h"
-        yield _row(f"the plan with branches after a fix at {when}", tree.rate, tree.rate.sample)
+        off = (
+            f", and {round(tree.fix.rejoin * plan.dt) / 3600:.4g} h to fly its distance off"
+            if tree.fix.rejoin
+            else ""
+        )
+        yield _row(f"the plan with branches after a fix at {when}{off}", tree.rate, tree.rate.sample)
         for _, branch in tree.all_branches():
             told = f"{branch.rate.sample}: {probability_text(branch.share)} of those with the fix"
             yield _row(f"branch {branch.name}, {branch.cell.words}", branch.rate, told)
