@@ -36,11 +36,12 @@ WALL = 20.0  # times that limit, on the clock: the machine may be shared
 NEW_LOCALS = inspect.CO_NEWLOCALS  # flag of the code of a function, which the body of a class has not
 PAUSE = 0.01  # [s] between two looks at a process
 OPTIONS = ("-x", "-q", "--tb=no", "-p", "no:cacheprovider", "-p", "no:xdist")
-# Imported once for all mutants; no module of ours is among them.
+# Imported once for all mutants; no module of ours is among them. Plugins of pytest are not, either: it warns
+# of those that it finds imported, and our warnings are errors.
 FOREIGN = (
     "numpy", "scipy.stats", "scipy.optimize", "scipy.sparse", "scipy.spatial", "scipy.integrate", "numba",
     "shapely", "pyproj", "yaml", "networkx", "h5py", "h5netcdf", "moocore", "clarabel", "cvxpy",
-    "sklearn.gaussian_process", "hypothesis", "pytest",
+    "sklearn.gaussian_process",
 )  # fmt: skip
 
 
@@ -278,6 +279,10 @@ def _judge_from_start(cases: Sequence[Case], root: Path, report: Any) -> None:
         with suppress(ImportError):
             importlib.import_module(name)
     sound = dict[str, bool]()
+    with tempfile.TemporaryDirectory(prefix="mutant_") as folder:
+        first = partial(_meet_changed, None, cases[0].tests[:1], Path(folder) / "failed.txt")
+        if forked(first, limit(cases[0]))[0] not in (0, 1):  # else each mutant would count as killed
+            raise RuntimeError("tests of the mutants cannot be run")
     for number, case in enumerate(cases):
         code, seconds = meet(
             case.tests,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import fields
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,8 @@ from hypothesis import strategies as st
 
 import pareto_ltl
 from pareto_ltl.run.choosing import Choice, chosen_run
+from pareto_ltl.settings import SelectionConfig
+from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import write_json
 from pareto_ltl_apps.cli.arguments import read_length, read_number, read_share
@@ -274,3 +278,40 @@ def test_folders_are_named_after_the_choice() -> None:
     assert [choice.name for choice in names] == [
         "failure_0.02", "length_1900km", "length_1.852km", "knee", "point_3", "rule_weighted",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("choice", "changes"),
+    [
+        (Choice(failure=0.01), {"rule": "threshold", "alpha": 0.01}),
+        (Choice(energy=0.02), {"rule": "energy", "alpha": 0.02}),
+        (Choice(length=7e4), {"rule": "length", "length": 7e4}),
+        (Choice(point=0), {"rule": "point", "point": 0}),
+        (Choice(knee=True), {"rule": "knee"}),
+        (Choice(selection={"rule": "weighted", "weights": [1.0, 0.0, 0.0]}),
+         {"rule": "weighted", "weights": [1.0, 0.0, 0.0]}),
+        (Choice(selection={"rule": "of_others"}), {"rule": "of_others", "options": {"hours": 3}}),
+        (Choice(selection={"rule": "of_others", "options": {}}), {"rule": "of_others"}),
+    ],
+)  # fmt: skip
+def test_a_choice_changes_its_own_settings_and_keeps_options_for_the_same_rule_alone(
+    choice: Choice, changes: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rule = EntryPoint("of_others", "others:rule", extensions.SELECTION_RULE_GROUP)
+    plain = extensions.installed_entries
+    added = {rule.group: {rule.name: rule}}
+    monkeypatch.setattr(extensions, "installed_entries", lambda group: plain(group) | added.get(group, {}))
+    before = SelectionConfig(rule="of_others", options={"hours": 3}, alpha=0.3, length=5e4, point=4, runs=77)
+    expected = {field.name: getattr(before, field.name) for field in fields(before)} | {"options": {}}
+    after = choice.settings(before)
+    assert {name: getattr(after, name) for name in expected} == expected | changes
+
+
+@pytest.mark.parametrize(
+    "criteria",
+    [{}, {"knee": True, "failure": 0.1}, {"length": 1.0, "point": 0},
+     {"knee": True, "selection": {"rule": "knee"}}, {"selection": {"weights": [1, 0, 0]}}, {"point": -1}],
+)  # fmt: skip
+def test_a_choice_that_is_none_or_two_is_refused(criteria: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError, match=r"give one of|names no rule|0 or more"):
+        Choice(**criteria)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -68,3 +69,31 @@ def test_a_number_of_kernel_threads_that_is_none_is_refused(
 def test_a_number_of_kernel_threads_is_left_to_numba(value: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_NUM_THREADS", value)
     machine.check_kernel_threads()
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        (("3", "2"), 3), (("1", "2"), 1), (("0", "2"), 2), (("", "1"), 1), (("-4", "2"), 2),
+        (("two", "4"), 4), (("0", "0"), 5), (("", ""), 5),
+    ],
+)  # fmt: skip
+def test_the_first_variable_with_a_number_says_how_many_cores_there_are(
+    given: tuple[str, str], expected: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in zip(machine.GIVEN, given, strict=True):
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(os, "sched_getaffinity", {0: {0, 2, 3, 4, 6}}.__getitem__, raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 8)
+    assert machine.cores() == expected
+
+
+@pytest.mark.parametrize(("counted", "expected"), [(7, 7), (1, 1), (None, 1)])
+def test_without_a_set_of_cores_those_of_the_machine_count(
+    counted: int | None, expected: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in machine.GIVEN:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: counted)
+    assert machine.cores() == expected
