@@ -104,6 +104,16 @@ def test_the_actions_of_a_workflow_are_pinned_by_hash(name: str) -> None:
     assert all(re.fullmatch(r"[\w-]+/[\w-]+@[0-9a-f]{40}", action) for action in used), used
 
 
+def test_a_release_has_a_list_of_its_parts_and_a_statement_of_its_provenance() -> None:
+    """After the wheels are built, over all that is uploaded."""
+    text = (ROOT / ".github" / "workflows" / "release.yml").read_text()
+    parts = ("make dist", "sbom.cdx.json", "attest-build-provenance@", "upload-artifact@")
+    places = [text.find(part) for part in parts]
+    assert -1 not in places, dict(zip(parts, places, strict=True))
+    assert places == sorted(places)
+    assert re.search(r"subject-path: dist/\*", text)
+
+
 def test_the_console_script_leads_to_the_program() -> None:
     (script,) = (e for e in entry_points(group="console_scripts") if e.name == "pareto-ltl")
     assert script.value == "pareto_ltl_apps.cli.console:main"

@@ -28,7 +28,7 @@ FAMILIES = {
     "law": set(get_args(data.Law)),
     "collision": set(get_args(bounds.CollisionBound)),
     "draws": {flight.IndependentDraws, flight.CoherentDraws, flight.LinearDraws},
-    "pilot": {pilots.Autopilot, pilots.Navigator, pilots.ErringPilot},
+    "pilot": {pilots.Autopilot, pilots.Navigator, pilots.ErringPilot, pilots.RejoiningPilot},
     "claims": {ClaimLists, ClaimRows},
 }
 CHOSEN_BY = {
