@@ -28,7 +28,7 @@ SUPPORTED = $(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3
 
 PEERS := build/peers
 
-.PHONY: help docs-numbers demo desk test test-fast test-all test-night test-night-tests test-sample coverage coverage-report fuzz guided mutants faults bench ratios corpus scale gallery peers lint types docs dist archives lock install clean
+.PHONY: help docs-numbers demo desk test test-fast test-all test-night test-night-tests test-sample coverage coverage-report fuzz guided mutants faults planted-faults bench ratios corpus scale gallery peers lint types docs dist archives lock install clean
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
 
@@ -86,6 +86,9 @@ mutants: $(READY) ## would the tests notice a fault? COUNT=100 mutants that stay
 
 faults: $(READY) ## kill runs and sweeps at 200 random moments each, half an hour
 	PARETO_LTL_FAULTS=200 $(BIN)/python -m pytest tests/run/test_faults.py -v $(ARGS)
+
+planted-faults: $(READY) ## is every gate red with a fault that is planted for it? ARGS="types links", ARGS=--all
+	$(BIN)/python release/planted_faults.py $(ARGS)
 
 bench: $(READY) ## compare speeds with their budgets
 	$(BIN)/python -m pytest benchmarks/bench_*.py $(ARGS)

@@ -52,7 +52,7 @@ class Fault:
     slow: bool = False
 
 
-def tests(*words: str, uncompiled: bool = False) -> tuple[str, ...]:
+def of_tests(*words: str, uncompiled: bool = False) -> tuple[str, ...]:
     """The command of some tests."""
     settings = ("PARETO_LTL_TESTS=all", *["NUMBA_DISABLE_JIT=1"] * uncompiled)
     return ("env", *settings, PYTHON, "-m", "pytest", "-q", "-p", "no:cacheprovider", *words)
@@ -97,33 +97,33 @@ FAULTS = (
     ),
     Fault(
         "language", "a word that says nothing", BRANCHING, "", "\nThe second one was told apart.\n",
-        tests("tests/test_language.py"), "told apart",
+        of_tests("tests/test_language.py"), "told apart",
     ),
     Fault(
         "settings", "a default that changed", f"{CORE}/settings/planner.py",
-        "rejoin: bool = setting(\n        True", "rejoin: bool = setting(\n        False", tests("tests/settings/test_declared.py"), "branch.rejoin",
+        "rejoin: bool = setting(\n        True", "rejoin: bool = setting(\n        False", of_tests("tests/settings/test_declared.py"), "branch.rejoin",
     ),
     Fault(
         "interface", "a name that left", f"{CORE}/extend.pyi",
         "from pareto_ltl.planning.branching.records import Branching as Branching\n", "",
-        tests("tests/test_interface_kept.py"), "Branching",
+        of_tests("tests/test_interface_kept.py"), "Branching",
     ),
     Fault(
         "links", "a page that is not there", BRANCHING, "(exports.md#", "(export.md#",
-        tests("tests/test_docs.py", "-k", "links_in_the_repository or every_link"), "export",
+        of_tests("tests/test_docs.py", "-k", "links_in_the_repository or every_link"), "export",
     ),
     Fault(
         "locks", "a package without its hash", "requirements.lock", "--hash=sha256:", "--nohash=sha256:",
-        tests("tests/test_packaging.py", "-k", "locks_pin"), "nohash|assert",
+        of_tests("tests/test_packaging.py", "-k", "locks_pin"), "nohash|assert",
     ),
     Fault(
         "actions", "an action by its tag", ".github/workflows/ci.yml", "actions/checkout@",
-        "actions/checkout@v4 #", tests("tests/test_packaging.py", "-k", "pinned_by_hash"), "checkout@v4",
+        "actions/checkout@v4 #", of_tests("tests/test_packaging.py", "-k", "pinned_by_hash"), "checkout@v4",
     ),
     Fault(
         "attestation", "a release without its provenance", ".github/workflows/release.yml",
         "actions/attest-build-provenance@", "actions/upload-artifact@",
-        tests("tests/test_packaging.py", "-k", "provenance"), "attest-build-provenance",
+        of_tests("tests/test_packaging.py", "-k", "provenance"), "attest-build-provenance",
     ),
     Fault(
         "skips", "a test that was skipped for want of a program", "tests.log", "",
@@ -138,36 +138,36 @@ FAULTS = (
         "uncompiled kernels", "an index beyond an array", f"{CORE}/kernels/geometry.py",
         "for j in range(faces.ptr[part], faces.ptr[part + 1]):\n        nx, ny",
         "for j in range(faces.ptr[part], faces.ptr[part + 1] + 1):\n        nx, ny",
-        tests("tests/kernels/test_geometry.py", "-k", "segment", uncompiled=True), "IndexError|assert",
+        of_tests("tests/kernels/test_geometry.py", "-k", "segment", uncompiled=True), "IndexError|assert",
     ),
     Fault(
         "two roads", "a sign in the law of a cell", f"{CORE}/planning/branching/cells.py",
         "cov - np.outer(slope, slope)", "cov + np.outer(slope, slope)",
-        tests("tests/planning/test_branch_cells.py"), "failed",
+        of_tests("tests/planning/test_branch_cells.py"), "failed",
     ),
     Fault(
         "fuzz", "a reader that raises what nobody expects", f"{APPS}/flight/telemetry.py",
         "airspeed = _airspeed_column(", "{}[len(names) > 7]\n            airspeed = _airspeed_column(",
-        tests("tests/fuzz/test_fuzz.py", "-k", "telemetry"), "KeyError",
+        of_tests("tests/fuzz/test_fuzz.py", "-k", "telemetry"), "KeyError",
     ),
     Fault(
         "whole files", "a file that is written in its place", FILES,
         'draft = path.with_name(f".{os.getpid()}.{path.name}")', "draft = path",
-        tests("tests/support/test_files.py"), "failed",
+        of_tests("tests/support/test_files.py"), "failed",
     ),
     Fault(
         "n-th call", "drafts that stay", FILES, "        draft.unlink(missing_ok=True)\n\n\ndef _flush",
-        "        pass\n\n\ndef _flush", tests("tests/run/test_nth_call.py", "-x"), "a draft is left",
+        "        pass\n\n\ndef _flush", of_tests("tests/run/test_nth_call.py", "-x"), "a draft is left",
         slow=True,
     ),
     Fault(
         "checker", "a claim that always holds", f"{VERIFY}/claims/branches.py", REPORTED,
         REPORTED + "False and ",
-        tests("tests/run/test_branches.py", "-k", "words of the other side"), "failed", slow=True,
+        of_tests("tests/run/test_branches.py", "-k", "words of the other side"), "failed", slow=True,
     ),
     Fault(
         "golden bytes", "another root seed", f"{CORE}/support/seeds.py", "SeedSequence(", "SeedSequence(1 + ",
-        tests("tests/test_golden.py", "-x"), "failed", slow=True,
+        of_tests("tests/test_golden.py", "-x"), "failed", slow=True,
     ),
 )  # fmt: skip
 
