@@ -101,7 +101,8 @@ FAULTS = (
     ),
     Fault(
         "settings", "a default that changed", f"{CORE}/settings/planner.py",
-        "rejoin: bool = setting(\n        True", "rejoin: bool = setting(\n        False", of_tests("tests/settings/test_declared.py"), "branch.rejoin",
+        "rejoin: bool = setting(\n        True", "rejoin: bool = setting(\n        False",
+        of_tests("tests/settings/test_declared.py"), "branch.rejoin",
     ),
     Fault(
         "interface", "a name that left", f"{CORE}/extend.pyi",
