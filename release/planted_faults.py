@@ -66,8 +66,9 @@ SKIP_SEARCH = (
     f"eval \"$(sed -n '/^{SKIPS}/,/^fi/p' .ci/run)\""
 )
 COVERAGE = (
-    f"test ! -f {CORE}/support/planted.py || '{BIN}/coverage' run --source={CORE}/support "
-    f"-m pareto_ltl.support.planted; test ! -f .coverage || '{BIN}/coverage' report --fail-under=92"
+    f"test -f {CORE}/support/planted.py || exit 0; '{BIN}/coverage' run --data-file=measured "
+    f"-m pareto_ltl.support.planted && '{BIN}/coverage' combine --quiet --data-file=measured measured.* && "
+    f"'{BIN}/coverage' report --data-file=measured --fail-under=92"
 )
 FAULTS = (
     Fault(
@@ -144,7 +145,7 @@ FAULTS = (
     Fault(
         "two roads", "a sign in the law of a cell", f"{CORE}/planning/branching/cells.py",
         "cov - np.outer(slope, slope)", "cov + np.outer(slope, slope)",
-        of_tests("tests/planning/test_branch_cells.py"), "failed",
+        of_tests("tests/planning/test_branch_cells.py"), "FAILED",
     ),
     Fault(
         "fuzz", "a reader that raises what nobody expects", f"{APPS}/flight/telemetry.py",
@@ -154,7 +155,7 @@ FAULTS = (
     Fault(
         "whole files", "a file that is written in its place", FILES,
         'draft = path.with_name(f".{os.getpid()}.{path.name}")', "draft = path",
-        of_tests("tests/support/test_files.py"), "failed",
+        of_tests("tests/support/test_files.py"), "FAILED",
     ),
     Fault(
         "n-th call", "drafts that stay", FILES, "        draft.unlink(missing_ok=True)\n\n\ndef _flush",
@@ -164,11 +165,11 @@ FAULTS = (
     Fault(
         "checker", "a claim that always holds", f"{VERIFY}/claims/branches.py", REPORTED,
         REPORTED + "False and ",
-        of_tests("tests/run/test_branches.py", "-k", "words of the other side"), "failed", slow=True,
+        of_tests("tests/run/test_branches.py", "-k", "words of the other side"), "FAILED", slow=True,
     ),
     Fault(
         "golden bytes", "another root seed", f"{CORE}/support/seeds.py", "SeedSequence(", "SeedSequence(1 + ",
-        of_tests("tests/test_golden.py", "-x"), "failed", slow=True,
+        of_tests("tests/test_golden.py", "-x"), "FAILED", slow=True,
     ),
 )  # fmt: skip
 
