@@ -35,7 +35,7 @@ def uncompiled(tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray
 @pytest.mark.skipif(config.DISABLE_JIT, reason="compares with compiled kernels")
 @pytest.mark.parametrize("name", small_plans.MISSIONS)
 def test_a_plan_is_the_same_without_compiled_kernels(name: str, uncompiled: dict[str, np.ndarray]) -> None:
-    """To rounding, which a search of many steps enlarges: compiled code fuses multiplications and additions."""
+    """To rounding, enlarged by the search: compiled code fuses multiplications and additions."""
     compiled = small_plans.numbers(name)
     keys = [key.removeprefix(f"{name}.") for key in uncompiled if key.startswith(f"{name}.")]
     assert sorted(keys) == sorted(compiled)
