@@ -44,10 +44,7 @@ MISSIONS: dict[str, tuple[str | dict[str, Any], str, dict[str, Any]]] = {
     "fixes": (
         read_yaml(choice_file("scene", "phi1")) | {"landmarks": BEACONS},
         "F a",
-        {
-            "refine": REFINED | {"flights": 60, "sweep_flights": 30},
-            "robot": COMMON["robot"] | {"heading_sd": 8.0},
-        },
+        {"refine": REFINED | {"flights": 60, "sweep_flights": 30}},
     ),
     "deadline": ("phi1", "F[0,40h] a & F[0,60h] b", {}),
     "calm": ("phi1", "F a", {"wind": "calm", "robot": COMMON["robot"] | {"heading_sd": 6.0}}),
