@@ -125,10 +125,10 @@ def test_ctrl_c_while_it_compiles_leaves_no_process_and_no_broken_code(tmp_path:
     env = os.environ | {"NUMBA_CACHE_DIR": str(code), "PARETO_LTL_CACHE": str(tmp_path / "cache")}
     command = [sys.executable, "-m", "pareto_ltl", "+experiment=hop", f"hydra.run.dir={tmp_path / 'run'}"]
     run = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    while not list(code.rglob(f"supporting_lines.segment_lines*{code_cache.SUFFIX}")):  # growth is next
+    while not list(code.rglob(f"*{code_cache.SUFFIX}")):  # the first of many, whichever it is
         assert run.poll() is None
         time.sleep(0.1)
-    time.sleep(2.0)
+    time.sleep(1.0)
     os.killpg(run.pid, signal.SIGINT)
     _, said = run.communicate(timeout=300)
     assert run.returncode == 130
