@@ -167,10 +167,6 @@ FAULTS = (
         REPORTED + "False and ",
         of_tests("tests/run/test_branches.py", "-k", "words of the other side"), "FAILED", slow=True,
     ),
-    Fault(
-        "golden bytes", "another root seed", f"{CORE}/support/seeds.py", "SeedSequence(", "SeedSequence(1 + ",
-        of_tests("tests/test_golden.py", "-x"), "FAILED", slow=True,
-    ),
 )  # fmt: skip
 
 
