@@ -165,7 +165,7 @@ FAULTS = (
     Fault(
         "checker", "a claim that always holds", f"{VERIFY}/claims/branches.py", REPORTED,
         REPORTED + "False and ",
-        of_tests("tests/run/test_branches.py", "-k", "words of the other side"), "FAILED", slow=True,
+        of_tests("tests/run/test_branches.py", "-k", "lie_about_branches and words"), "FAILED", slow=True,
     ),
 )  # fmt: skip
 
