@@ -1,19 +1,18 @@
 """What branches have of the gain of new plans, on missions of the corpus: ``branches_pay.py --count 60``.
 
-Each mission is planned without landmarks. In the same fresh winds it is flown as planned, with branches at a
-fix after a third of the flight, with branches of branches at a second one after two thirds, with a position
-that is always known, and, in some of these winds, with a new plan at the first fix, and at both. These winds
-are drawn from the flights that fail as planned and from the others, and weighted back. All ways begin with
-the same plan. Missions that hardly fail are left out. A finished mission is a line of OUT/rows.jsonl and is
-not repeated: the same command continues; ``--tables`` prints what the finished ones say.
+Each mission is planned without landmarks. In the same fresh winds it is flown as planned, with a position
+that is always known, and, in some of these winds, with a new plan at a fix after a third of the flight, and
+at a second one after two thirds. These winds are drawn from the flights that fail as planned and from the
+others, and weighted back. Missions that hardly fail are left out. A finished mission is a line of
+OUT/rows.jsonl and is not repeated: the same command continues; ``--tables`` prints what is known so far.
 
-The search is smaller than by default, so that a mission takes a minute or two: ``QUICK`` for the plan, the
-branches and the new plans, ``FEWER`` for the flights that branches are fitted to and chosen by.
+Three passes over the finished missions follow, on the same plans and in the same winds; each has its own file
+in OUT. ``--branches`` plans branches at the first fix and branches of branches at the second one; ``--cells``
+does so with ``branch.rejoin=false``. ``--trunks`` plans branches at the first fix, once on the path that is
+best without branches and once on the one that ``branch.fit_trunk`` takes.
 
-``--trunks`` plans branches at the first fix for the same missions, once on the path that is best without
-branches and once on the one that ``branch.fit_trunk`` takes, and flies both in the same winds.
-``--rejoining`` plans branches with ``branch.rejoin=true`` on the plans of the finished missions, and flies
-them in the winds of their rows.
+The searches of the plan, the branches and the new plans are smaller than by default, so that a mission takes
+a minute or two: ``QUICK``; for ``--trunks`` also ``FEWER`` flights that branches are fitted to and chosen by.
 """
 
 from __future__ import annotations
@@ -26,6 +25,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +56,7 @@ FOLDER = Path(__file__).parents[1] / "outputs" / "branches_pay"
 FLIGHTS, LEAVES, FIX_SHARE = 4000, 4, 0.005  # error of a fix, of the side of the map
 FIXES = (1 / 3, 2 / 3)  # times of the fixes, of the duration
 SETS = ("1 fix", "2 fixes")
+PASSES = {"branches": True, "cells": False}  # of branches, and whether they fly distances off
 QUICK = (
     "planner.trees=5",
     "refine.flights=300",
@@ -87,7 +88,7 @@ def opened(folder: Path) -> tuple[Run, Plan]:
     return run, replace(run.plan, path=own)  # the stage of the plan looks for it in the front
 
 
-def with_branches(run: Run, plan: Plan, at: Sequence[int], fit_trunk: bool, *, rejoin: bool = False) -> Plan:
+def with_branches(run: Run, plan: Plan, at: Sequence[int], fit_trunk: bool, *, rejoin: bool) -> Plan:
     """``plan`` with branches at the steps ``at``."""
     hours = [step * run.problem.motion.dt / 3600.0 for step in at]
     branch = BranchConfig(
@@ -103,13 +104,17 @@ def error_of(run: Run) -> float:
 
 def compared_trunks(folder: Path) -> dict[str, Any]:
     """Failure and expected length of the trees on the plan in ``folder`` and on a trunk for its branches."""
+    for constant, value in FEWER.items():
+        for module in (tree_search, tree_plan):
+            if hasattr(module, constant):
+                setattr(module, constant, value)
     run, plan = opened(folder)
     winds = TreeFlights.drawn(run.problem, 2 * FLIGHTS, SeedSequence(20261130))
     first = min(max(round(FIXES[0] * len(plan.path.u)), 1), len(plan.path.u) - 1)
     failed: list[np.ndarray] = []
     row: dict[str, Any] = {"as planned": winds.failed(plan.path.u).mean()}
     for name, fit in (("plan", False), ("fitted", True)):
-        one = with_branches(run, plan, [first], fit)
+        one = with_branches(run, plan, [first], fit, rejoin=True)
         tree = one.branching
         failed.append(fly_branches(winds, one.path.u, tree).failed if tree else winds.failed(one.path.u))
         length = tree.length if tree else one.path.objectives.length
@@ -149,7 +154,7 @@ def _above(difference: Sequence[float]) -> bool:
     return difference[1] > 0.0
 
 
-def measured(folder: Path, replans: int) -> dict[str, Any]:
+def measured(folder: Path, replans: int, most: float) -> dict[str, Any]:
     """The row of a mission whose plan is in ``folder``: failures of each way, and how the tree came out."""
     run, plan = opened(folder)
     problem, sd = run.problem, error_of(run)
@@ -160,11 +165,10 @@ def measured(folder: Path, replans: int) -> dict[str, Any]:
     row: dict[str, Any] = {
         "steps": steps, "fix_sd": sd, "as planned": alone.mean(), "position always known": known.mean(),
     }  # fmt: skip
-    if alone.mean() < SAFE:
+    if not SAFE <= alone.mean() <= most:
         return row
     if (at := fixes_of(steps)) is None:
         return row
-    row |= flown_branches(winds, plan, alone, with_branches(run, plan, at, False).branching)
     settings = replace(run.settings, replanning=replace(run.settings.replanning, fix_sd=sd))
     context = ReplanningContext(run.with_settings(settings), winds.flights, (), law_cycle)
     for name, rate in zip(
@@ -193,7 +197,8 @@ def flown_branches(
         row["tree"] = {
             "step": tree.fix.step, "promised": tree.rate.failure, "runs": tree.rate.runs,
             "rows": [[one.leaves, one.fixes, one.rate.failure, one.length] for one in tree.front],
-            "rejoin": tree.fix.rejoin,
+            "rejoin": tree.fix.rejoin, "counter": tree.fix.counter,
+            "length": tree.length, "trunk": plan.path.objectives.length,
         }  # fmt: skip
     for name, failed in zip(SETS, ways, strict=True):
         row[f"branches, {name}"] = failed.mean()
@@ -201,14 +206,16 @@ def flown_branches(
     return row
 
 
-def rejoined(folder: Path) -> dict[str, Any]:
-    """The row of branches that fly distances off, in the winds of :func:`measured`."""
+def tree_row(folder: Path, *, rejoin: bool) -> dict[str, Any]:
+    """The row of branches on the plan in ``folder``, in the winds of :func:`measured`."""
     run, plan = opened(folder)
     winds = TreeFlights.drawn(run.problem, FLIGHTS, SeedSequence(20261128))
     at = fixes_of(len(plan.path.u))
     assert at is not None
-    made = with_branches(run, plan, at, False, rejoin=True)
-    return flown_branches(winds, plan, winds.failed(plan.path.u), made.branching)
+    began = time.process_time()
+    made = with_branches(run, plan, at, False, rejoin=rejoin)
+    row = flown_branches(winds, plan, winds.failed(plan.path.u), made.branching)
+    return row | {"cpu_s": round(time.process_time() - began, 1)}
 
 
 def replanned_rates(
@@ -235,11 +242,10 @@ def replanned_rates(
     return found
 
 
-def with_rejoining(rows: Sequence[dict[str, Any]], more: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The rows of missions with branches that fly distances off, in the place of those that do not."""
+def joined(rows: Sequence[dict[str, Any]], more: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows of missions with what ``more`` says of their branches."""
     known = {row["mission"]: row for row in more}
-    told = [{key: row[key] for key in row if key != "tree"} for row in rows if row["mission"] in known]
-    return [row | known[row["mission"]] for row in told]
+    return [row | known[row["mission"]] for row in rows if row["mission"] in known]
 
 
 def tables(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
@@ -298,13 +304,13 @@ def known_rows(file: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
 
 
-def compare_all(out: Path, name: str, row_of: Callable[[Path], dict[str, Any]]) -> None:
+def compare_all(out: Path, name: str, most: float, row_of: Callable[[Path], dict[str, Any]]) -> None:
     """``row_of`` the finished missions of ``out``, as lines of OUT/NAME.jsonl."""
     file, began = out / f"{name}.jsonl", time.process_time()
     done = {row["mission"] for row in known_rows(file)}
     for row in read_rows(out):
         mission = row["mission"]
-        if mission in done or f"branches, {SETS[0]}" not in row:
+        if mission in done or f"new plans, {SETS[0]}" not in row or row["as planned"] > most:
             continue
         found = {"mission": mission, **row_of(out / "missions" / mission)}
         with file.open("a") as stream:
@@ -315,17 +321,18 @@ def compare_all(out: Path, name: str, row_of: Callable[[Path], dict[str, Any]]) 
 def report(out: Path) -> str:
     """The tables of everything in ``out``."""
     rows = read_rows(out)
-    lines = [*tables(rows), *trunk_table(known_rows(out / "trunks.jsonl"))]
-    more = known_rows(out / "rejoining.jsonl")
-    if more:
-        both = with_rejoining(rows, more)
-        names = {row["mission"] for row in both}
-        lines += ["", "the same missions as below, with cells alone:"]
-        lines += tables([row for row in rows if row["mission"] in names])
-        lines += ["", "branches that also fly the measured distance off (branch.rejoin=true):", *tables(both)]
-        low = [row for row in both if row["as planned"] <= RISKY]
-        lines += ["", f"of them those of which at most {100 * RISKY:.0f} % fail as planned:", *tables(low)]
-    return "\n".join(lines)
+    lines = [*trunk_table(known_rows(out / "trunks.jsonl"))]
+    for name in PASSES:
+        if more := known_rows(out / f"{name}.jsonl"):
+            both = joined(rows, more)
+            lines += ["", f"{name}:", *tables(both)]
+            low = [row for row in both if row["as planned"] <= RISKY]
+            lines += [
+                "",
+                f"of them those of which at most {100 * RISKY:.0f} % fail as planned:",
+                *tables(low),
+            ]
+    return "\n".join([*tables(rows), *lines])
 
 
 def main() -> int:
@@ -335,9 +342,12 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=60, help="missions that are drawn")
     parser.add_argument("--seed", type=int, default=61, help="seed of the missions")
     parser.add_argument("--replans", type=int, default=8, help="flights of a mission with new plans")
+    parser.add_argument(
+        "--most", type=float, default=1.0, help="failure as planned above which nothing is flown"
+    )
     parser.add_argument("--out", type=Path, default=FOLDER)
-    parser.add_argument("--trunks", action="store_true", help="compare trunks on the finished missions")
-    parser.add_argument("--rejoining", action="store_true", help="fly distances off on the finished missions")
+    for name in (*PASSES, "trunks"):
+        parser.add_argument(f"--{name}", action="store_true", help=f"the pass of {name}")
     parser.add_argument("--tables", "--report", action="store_true", help="only print the tables")
     asked = parser.parse_intermixed_args()
     out = asked.out.resolve()
@@ -348,16 +358,11 @@ def main() -> int:
         sys.exit(
             f"{mark} is of {mark.read_text().strip()}, not of {json.dumps(identity)}; choose another --out"
         )
-    for constant, value in FEWER.items():
-        for module in (tree_search, tree_plan):
-            if hasattr(module, constant):
-                setattr(module, constant, value)
     mark.write_text(json.dumps(identity) + "\n")
-    for name, wanted, row_of in (
-        ("trunks", asked.trunks, compared_trunks), ("rejoining", asked.rejoining, rejoined)
-    ):  # fmt: skip
-        if wanted:
-            compare_all(out, name, row_of)
+    passes = {name: partial(tree_row, rejoin=rejoin) for name, rejoin in PASSES.items()}
+    for name, row_of in {**passes, "trunks": compared_trunks}.items():
+        if getattr(asked, name):
+            compare_all(out, name, asked.most, row_of)
             print(report(out))
             return 0
     done = {row["mission"] for row in read_rows(out)}
@@ -368,7 +373,7 @@ def main() -> int:
         fault = planned(folder, mission.write(folder), asked.words)
         began = time.process_time()
         try:
-            row = {"said": fault} if fault else measured(folder, asked.replans)
+            row = {"said": fault} if fault else measured(folder, asked.replans, asked.most)
         except (ConfigError, DataError, InfeasibleError) as error:
             fault, row = str(error), {"said": str(error)}
         row["cpu_s"] = round(time.process_time() - began, 1)

@@ -209,6 +209,7 @@ def verdicts(result: Evidence) -> Iterator[dict[str, str]]:
         when = f"{round(tree['fix']['step'] * result.robot.dt) / 3600:.4g} h"
         steps = tree["fix"].get("rejoin_steps", 0)
         off = f", and {round(steps * result.robot.dt) / 3600:.4g} h to fly its distance off" if steps else ""
+        off += ", then against its drift" if tree["fix"].get("counter_per_s", 0.0) else ""
         yield _row(f"the plan with branches after a fix at {when}{off}", tree["rate"], _sample(tree["rate"]))
         for row in all_branches(tree):
             told = f"{_sample(row['rate'])}: {probability_text(row['share'])} of those with the fix"

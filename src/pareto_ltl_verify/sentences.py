@@ -108,12 +108,14 @@ def _selected(tree: dict[str, Any], moment: str, begin: str, what: str) -> Itera
     if steps := tree["fix"].get("rejoin_steps", 0):
         t = tree["branches"][0]["t"]
         seconds = round(steps * (t[1] - t[0]))
-        rate = f"{1e3 / (steps * (t[1] - t[0])):.3g} m/s"
+        later = 1e3 * tree["fix"].get("counter_per_s", 0.0)
+        rate = f"{1e3 / (steps * (t[1] - t[0])) + later:.3g} m/s"
+        against = f"; from then on {later:.3g} m/s, against further drift" if later else ""
         yield (
             "The distance of the measured position from the planned one is flown off in the "
             f"{seconds // 3600}:{seconds % 3600 // 60:02d}:{seconds % 60:02d} after the fix: for each "
             f"kilometre ahead of it the velocity through the air is {rate} less along the planned track, for "
-            f"each kilometre left of it {rate} more to the right, within the airspeeds of the robot."
+            f"each kilometre left of it {rate} more to the right, within the airspeeds of the robot{against}."
         )
 
 

@@ -56,13 +56,17 @@ def test_people_read_what_to_add(made: Path) -> None:
     run = Run.open(made)
     tree = run.plan.branching
     assert tree is not None
-    rate = 1000.0 / (tree.fix.rejoin * run.plan.dt)
+    later = 1000.0 * tree.fix.counter
+    rate = 1000.0 / (tree.fix.rejoin * run.plan.dt) + later
+    assert later > 0.0
     told = next(
         line for line in branch_lines(run.plan, run.scene.frame) if "flown off" in line or "off in" in line
     )
     assert f"{rate:.3g} m/s less along the planned track" in told
     card = (made / "branch_cards.html").read_text()
     assert "And fly the distance off" in card
+    assert "from then on" in card
+    assert f"from then on {later:.3g} m/s" in (made / "plan.kml").read_text()
     assert "behind" in card
     assert f"{rate:.3g} m/s more to the right" in (made / "plan.kml").read_text()
 
@@ -102,10 +106,11 @@ def test_the_script_adds_it_to_the_legs_after_the_fix(made: Path, tmp_path: Path
     n = len(sent(True)[0])
     assert n >= 1
     headings, speeds = sent(True)
-    east, north = fix.change(place, plan.dt)
+    changes = fix.changes(place, plan.dt)
     turn = math.radians(float(frame.north(fix.place)[0]))  # of grid north, from true north
     for k in range(n):
         v, angle = log.airspeed[k], math.radians(log.heading_true[k])
+        east, north = changes[int(k >= fix.rejoin)]
         e = v * math.sin(angle) + east * math.cos(turn) + north * math.sin(turn)
         o = v * math.cos(angle) - east * math.sin(turn) + north * math.cos(turn)
         motion = run.problem.motion
@@ -126,8 +131,9 @@ def test_follow_says_what_to_add_and_goes_on_with_it(made: Path, tmp_path: Path)
     flown = as_flown(run, off)
     events = list(follow(made, flown, out=tmp_path / "once", settings=SELDOM))
     chosen = next(event for event in events if event["event"] == "branch")
-    wanted = tree.fix.change(run.plan.path.x[STEP] + off, run.plan.dt)
-    assert chosen["change"] == pytest.approx(wanted.tolist(), abs=0.02)
+    first, later = tree.fix.changes(run.plan.path.x[STEP] + off, run.plan.dt)
+    assert chosen["change"] == pytest.approx(first.tolist(), abs=0.02)
+    assert chosen["later"] == pytest.approx(later.tolist(), abs=0.02)
     assert chosen["seconds"] == tree.fix.rejoin * run.plan.dt
     again = list(follow(made, flown, out=tmp_path / "once", resume=True, settings=SELDOM))
     assert again[-1]["promised"] == events[-1]["promised"]
@@ -150,6 +156,16 @@ LIES = (
         "it is flown off in twice the time",
         in_branches(lambda tree: tree["fix"].update(rejoin_steps=2 * tree["fix"]["rejoin_steps"])),
         ("branches: positions given the cell",),
+    ),
+    Lie(
+        "no drift is countered",
+        in_branches(lambda tree: tree["fix"].pop("counter_per_s")),
+        ("branches: positions given the cell",),
+    ),
+    Lie(
+        "it goes on with the drift",
+        in_branches(lambda tree: tree["fix"].update(counter_per_s=-tree["fix"]["counter_per_s"])),
+        ("branches: where the plan branches", "branches: positions given the cell"),
     ),
     Lie(
         "it is flown off after the end",

@@ -144,9 +144,12 @@ def test_position_and_wind_in_the_cells_of_two_fixes_are_those_of_their_flights(
 
 
 def test_what_is_flown_off_is_gone_in_the_law_and_in_the_flights(sorted_flights) -> None:
-    """Of one fix and of two: means and covariances in the cells, against flights that fly it off."""
+    """Of one fix and of two: means and covariances in the cells, against flights that fly it off.
+
+    And go on against the drift that it tells of, until the second fix.
+    """
     problem, flight, winds, _, fix, _ = sorted_flights
-    first = replace(fix, rejoin=6)
+    first = replace(fix, rejoin=6, counter=0.7 / (STEP * problem.motion.dt))
     y, taken = winds.measured_along(flight.u, first)
     once = winds.after(first, y, taken)
     x = once.flown(flight.u)
@@ -161,7 +164,9 @@ def test_what_is_flown_off_is_gone_in_the_law_and_in_the_flights(sorted_flights)
     # The second fix lies beside the mean, and comes while the first deviation is still flown off.
     for later, rejoin in ((STEP + 4, 3), (LATER, 4)):
         ahead = STEPS[later] - STEPS[later - 1]
-        second = BranchFix(later, STEPS[later] + 60.0, ahead / np.hypot(*ahead), 100.0, rejoin=rejoin)
+        second = BranchFix(
+            later, STEPS[later] + 60.0, ahead / np.hypot(*ahead), 100.0, rejoin=rejoin, counter=2e-4
+        )
         box = Cell((-math.inf, 150.0), (-100.0, math.inf))
         y2, taken2 = once.measured(second, x[:, later], 1)
         twice = once.after(second, y2, taken2).flown(flight.u)
@@ -170,16 +175,18 @@ def test_what_is_flown_off_is_gone_in_the_law_and_in_the_flights(sorted_flights)
         passed = (Passed(first, CELLS[1]), Passed(second, box))
         told = course.told(passed)
         assert told.share == pytest.approx(len(rows) / held.sum(), abs=3 / math.sqrt(held.sum()) + 0.01)
-        _agrees(twice[rows], course.given(passed, told), (later, later + 2, later + rejoin, len(STEPS) - 1))
+        # The winds are not linear: flights of two cells have been moved further from the means.
+        steps = (later, later + 2, later + rejoin, len(STEPS) - 1)
+        _agrees(twice[rows], course.given(passed, told), steps, 0.1)
 
 
-def _agrees(x: np.ndarray, given, steps: tuple[int, ...]) -> None:
-    """Positions of flights against the law, within 6 standard errors and 5 % of the spread."""
+def _agrees(x: np.ndarray, given, steps: tuple[int, ...], share: float = 0.05) -> None:
+    """Positions of flights against the law, within 6 standard errors and ``share`` of the spread."""
     n = len(x)
     for t in steps:
         cov = square_matrices(given.cov)[t]
         sd = math.sqrt(np.trace(cov))
-        assert np.linalg.norm(x[:, t].mean(axis=0) - given.x[t]) < (6 / math.sqrt(n) + 0.05) * sd
+        assert np.linalg.norm(x[:, t].mean(axis=0) - given.x[t]) < (6 / math.sqrt(n) + share) * sd
         assert np.abs(np.cov(x[:, t].T) - cov).max() < (6 * math.sqrt(2 / n) + 0.06) * sd**2
 
 
@@ -189,6 +196,11 @@ def test_a_change_is_flown_within_the_airspeeds_and_by_those_with_the_fix(sorted
     few, taken = winds.only(np.arange(50)), np.arange(50) < 25
     far = np.tile(fix.place + np.array([5e5, 0.0]), (50, 1))
     after = few.after(replace(fix, rejoin=2), far, taken)
+    later = few.after(replace(fix, rejoin=2, counter=1e-6), far, taken)
+    assert (later.change[:STEP] == 0.0).all()
+    assert later.change[STEP + 2 :, :25, 0] == pytest.approx(-0.5)  # 1e-6 /s of 500 km
+    assert later.change[STEP, 0, 0] == pytest.approx(after.change[STEP, 0, 0] - 0.5)
+    assert (later.change[:, 25:] == 0.0).all()
     flown = after.flown(flight.u)
     assert (flown[25:] == x[25:50]).all()
     assert (flown[:25, : STEP + 1] == x[:25, : STEP + 1]).all()

@@ -148,7 +148,7 @@ class BranchConfig(CheckedSettings, section="branch"):
     rejoin: bool = setting(
         True,
         "whether the robot also flies off its measured distance from the planned position, for some steps "
-        "after the fix",
+        "after the fix, and goes on against the drift that it tells of",
     )
 
 

@@ -63,17 +63,16 @@ class TreeFlights:
     def after(self, fix: BranchFix, y: FloatArray, taken: BoolArray) -> TreeFlights:
         """These flights after ``fix``, which those ``taken`` (n,) take at the measured ``y`` (n, 2) [m].
 
-        They fly off their distance from the planned position, instead of what they measured before. Flights
-        that do not take the fix go on.
+        They fly off their distance from the planned position, and against further drift, instead of what
+        they measured before. Flights that do not take the fix go on.
         """
         if fix.rejoin == 0 and self.change is None:
             return self
         problem = self.flights.problem
         change = np.zeros((problem.horizon, len(self), 2)) if self.change is None else self.change.copy()
-        change[fix.step :, taken] = 0.0
-        if fix.rejoin:
-            back = fix.change(y[taken], problem.motion.dt) @ problem.motion.b_inv.T
-            change[fix.step : fix.step + fix.rejoin, taken] = back
+        first, later = (part @ problem.motion.b_inv.T for part in fix.changes(y[taken], problem.motion.dt))
+        change[fix.step : fix.step + fix.rejoin, taken] = first
+        change[fix.step + fix.rejoin :, taken] = later
         return replace(self, change=change)
 
     def measured(self, fix: BranchFix, x: FloatArray, level: int = 0) -> tuple[FloatArray, BoolArray]:

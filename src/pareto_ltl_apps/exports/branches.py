@@ -124,11 +124,13 @@ def _named(tree: Branching) -> str:
 
 def rejoin_text(tree: Branching) -> str:
     """How the distance from the planned position is flown off, after "flown off"."""
-    rate = 1000.0 / rejoin_seconds(tree)
+    later = 1000.0 * tree.fix.counter
+    rate = 1000.0 / rejoin_seconds(tree) + later
+    against = f"; from then on {later:.3g} m/s, against further drift" if later else ""
     return (
         f"in the {clock(rejoin_seconds(tree))} after the fix: for each kilometre ahead of it the velocity "
         f"through the air is {rate:.3g} m/s less along the planned track, for each kilometre left of it "
-        f"{rate:.3g} m/s more to the right, within the airspeeds of the robot"
+        f"{rate:.3g} m/s more to the right, within the airspeeds of the robot{against}"
     )
 
 
@@ -330,25 +332,36 @@ def _rejoin_table(tree: Branching, reach: float) -> str:
     """What to add to the table for some time, by the distance from the planned position."""
     if not tree.fix.rejoin:
         return ""
-    seconds = rejoin_seconds(tree)
+    seconds, later = rejoin_seconds(tree), tree.fix.counter
     unit = next((one for one in STEPS_KM if 4.0 * one >= reach / 1e3), STEPS_KM[-1])
     rows = "".join(
-        f"<tr><td>{distance_text(k * unit * 1e3)}</td><td>{k * unit * 1e3 / seconds:.1f}</td></tr>"
-        for k in range(1, 5)
+        f"<tr><td>{distance_text(d)}</td><td>{d * (1.0 / seconds + later):.1f}</td>"
+        + (f"<td>{d * later:.1f}</td>" if later else "")
+        + "</tr>"
+        for d in unit * 1e3 * np.arange(1, 5)
     )
-    return f"""<h2>And fly the distance off, for {clock(seconds)}</h2>
-<p>With whichever table, add to the velocity of each of its legs until {clock(seconds)} after the fix: along
-the planned track for what the position is <b>behind</b> the planned one, against the track for what it is
-<b>ahead</b>; to the right for what it is <b>left</b> of the track, to the left for what it is <b>right</b>
+    title, legs = f"for {clock(seconds)}", f"each of its legs until {clock(seconds)} after the fix"
+    columns = "<th>velocity to add [m/s]</th>"
+    if later:
+        title, legs = "then go on against the drift that it tells of", "each of its legs"
+        columns = f"<th>velocity to add for {clock(seconds)} [m/s]</th><th>and from then on [m/s]</th>"
+    return f"""<h2>And fly the distance off, {title}</h2>
+<p>With whichever table, add to the velocity of {legs}: along the planned track for what the position is
+<b>behind</b> the planned one, against the track for what it is <b>ahead</b>; to the right for what it is
+<b>left</b> of the track, to the left for what it is <b>right</b>
 of it. The sum gives heading and true airspeed; beyond the airspeeds of the robot, only the heading.</p>
-<table class="answers"><tr><th>distance</th><th>velocity to add [m/s]</th></tr>{rows}</table>
+<table class="answers"><tr><th>distance</th>{columns}</tr>{rows}</table>
 """
 
 
 def _added(tree: Branching, plan: Plan) -> str:
     """What a table says of the velocity that is added to it."""
     until = clock(tree.fix.step * plan.dt + rejoin_seconds(tree))
-    return f" <b>Until {until} add the velocity of the page before.</b>" if tree.fix.rejoin else ""
+    if not tree.fix.rejoin:
+        return ""
+    if not tree.fix.counter:
+        return f" <b>Until {until} add the velocity of the page before.</b>"
+    return f" <b>Until {until} add the first velocity of the page before, from then on the second one.</b>"
 
 
 def _place(frame: Frame, point: FloatArray) -> str:

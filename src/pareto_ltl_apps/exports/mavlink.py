@@ -226,7 +226,7 @@ def _lua_tree(exported: ExportedPlan, tree: Branching, indent: str) -> Iterator[
         f"{indent}fix = {{ t = {_number(moment)}, last = {_number(moment + 0.5 * dt)}, "
         f"lat = {round(lat * DEGREE)}, lng = {round(lon * DEGREE)}, "
         f"track = {_number(track_bearing(frame, tree))}"
-        f"{f', rejoin = {_number(fix.rejoin * dt)}' if rejoins else ''} }},"
+        f"{f', rejoin = {_number(fix.rejoin * dt)}, counter = {_number(fix.counter)}' if rejoins else ''} }},"
     )
     yield f"{indent}branches = {{"
     inside = indent + "    "

@@ -105,6 +105,10 @@ def _branch(event: Event) -> str:
             f", for {event['seconds'] / 60.0:.0f} min with {math.hypot(east, north):.1f} m/s towards "
             f"{math.degrees(math.atan2(east, north)) % 360.0:03.0f}° added to its velocities through the air"
         )
+    if "later" in event:
+        east, north = event["later"]
+        towards = math.degrees(math.atan2(east, north)) % 360.0
+        added += f", from then on with {math.hypot(east, north):.1f} m/s towards {towards:03.0f}°"
     return (
         f"BRANCH {event['name']}: the measured position is {event['where']}; fly "
         f"branch_{event['name']}.csv from here on{added} (of simulated flights that flew it, "

@@ -18,7 +18,7 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl_apps.flight.belief import LAW, Belief, Estimate
-from pareto_ltl_apps.flight.branches import rejoining, selected_branch
+from pareto_ltl_apps.flight.branches import Changes, rejoining, selected_branch
 from pareto_ltl_apps.flight.goals import BELIEVED, Goal, completed, planned_goals, reached
 from pareto_ltl_apps.flight.position_fixes import causes, chance, in_plane, on_map
 from pareto_ltl_apps.flight.rules import ADVICE, Event, Rules, alarm, event_of
@@ -254,7 +254,8 @@ class Watch:
             elif event["event"] == "fix":
                 self._believe(event)
             elif event["event"] == "branch":
-                self._take_branch(event["name"], event.get("change", (0.0, 0.0)))
+                first, later = (np.array(event.get(key, (0.0, 0.0)), float) for key in ("change", "later"))
+                self._take_branch(event["name"], (first, later))
             elif event["event"] == "status":
                 self.energy, self.due = event["energy"] or 0.0, event["time"] + self.settings.every
                 self.line_due = event["time"] + self.settings.lines if event["shown"] else self.line_due
@@ -302,25 +303,29 @@ class Watch:
         found = selected_branch(self.plan, self.time, place)
         if found is None or self.plan.branching is None:
             return
-        (branch, change), steps = found, self.plan.branching.fix.rejoin
-        added = {"change": change.tolist(), "seconds": steps * self.plan.dt} if steps else {}
+        (branch, changes), fix = found, self.plan.branching.fix
+        added = dict[str, Any]()
+        if fix.rejoin:
+            added = {"change": changes[0].tolist(), "seconds": fix.rejoin * self.plan.dt}
+        if fix.counter:
+            added["later"] = changes[1].tolist()
         yield event_of(
             "branch", self.time, name=branch.name, where=branch.cell.words, failure=branch.rate.failure,
             **added,
         )  # fmt: skip
-        self._take_branch(branch.name, change)
+        self._take_branch(branch.name, changes)
 
-    def _take_branch(self, name: str, change: Sequence[float] | FloatArray) -> None:
-        """Follow the branch ``name`` from here on, with ``change`` (2,) [m/s] to its first velocities."""
+    def _take_branch(self, name: str, changes: Changes) -> None:
+        """Follow the branch ``name`` from here on, with ``changes`` to its velocities."""
         tree = self.plan.branching
         branch = next((one for one in tree.branches if one.name == name), None) if tree else None
         if branch is None:
             raise DataError(f"the journal names branch {name}, which the plan does not have")
         assert tree is not None
         self.plan = plan_on_branch(self.plan, branch)
-        if n := tree.fix.rejoin:
-            path, first = self.plan.path, tree.fix.step
-            u = rejoining(self.problem, slice(first, first + n), np.array(change, float), path.u)
+        if tree.fix.rejoin:
+            path = self.plan.path
+            u = rejoining(self.problem, tree, changes, path.u)
             log = self.problem.scene.frame.navigation(path.t, path.x, u)
             self.plan = replace(self.plan, path=replace(path, u=u), navigation=log)
         now = self.belief.step

@@ -279,9 +279,7 @@ def branch_controls(
             break
         branch = then.branches[int(then.chosen(y)[0])]
         u, x = np.concatenate([u[:k], branch.path.u]), np.concatenate([x[:k], branch.path.x])
-        if fix.rejoin:
-            change = fix.change(y[0], wind.problem.motion.dt)
-            u = rejoining(wind.problem, slice(k, k + fix.rejoin), change, u)
+        u = rejoining(wind.problem, then, fix.changes(y[0], wind.problem.motion.dt), u)
         taken, then = taken + 1, branch.then
     return u, x, taken
 

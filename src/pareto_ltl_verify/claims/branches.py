@@ -85,6 +85,11 @@ class Node(NamedTuple):
         """The number of steps in which the distance from the planned position is flown off; 0: it is not."""
         return int(self.fix.get("rejoin_steps", 0))
 
+    @property
+    def counter(self) -> float:
+        """The rate [1/s] at which the robot goes on against the drift that the distance tells of."""
+        return float(self.fix.get("counter_per_s", 0.0))
+
     def on(self, row: dict[str, Any]) -> FloatArray:
         """The controls (T, 2) of a branch, from the departure on."""
         return np.vstack([self.u[: self.step], np.array(row["u"], float)])
@@ -155,6 +160,7 @@ def _where_faults(result: Evidence, node: Node) -> dict[str, Any]:
     return {
         f"{name}: {len(node.rows)} branches": not least <= len(node.rows) <= cfg["leaves"],
         f"{name}: {rejoin} steps to rejoin": not 0 <= rejoin <= (len(node.u) - k) * cfg.get("rejoin", False),
+        f"{name}: counters {node.counter:g} /s": node.counter < 0.0 or bool(node.counter and not rejoin),
         f"{name}: a fix after {len(node.before)} others": len(node.before) >= cfg.get("fixes", 1),
         f"{name}: step {k} is at no time of branch.at": at_times and k not in steps,
         f"{name}: the outline is no landmark": not at_times and fix["landmark"] not in marks,
@@ -254,22 +260,26 @@ class Course(NamedTuple):
     cov: FloatArray
     across: FloatArray
     F: FloatArray
+    dt: float
 
     @classmethod
     def of(cls, result: Evidence, u: FloatArray) -> Course:
         """The flights of the controls ``u`` (T, 2)."""
         law = result.law("coherent", len(u))
         course = laws.fly_controls(law, result.start, u)
-        return cls(course.x, course.cov, laws.covariance_across(law, course), course.F)
+        return cls(course.x, course.cov, laws.covariance_across(law, course), course.F, result.robot.dt)
 
     def pushed(self, node: Node, until: int) -> FloatArray:
         """Where (T+1, 2, 2) a metre east or north that is flown off after the fix of ``node`` has led to.
 
         ``until`` is the step of a later fix, from which on its own distance is flown off instead.
         """
-        off, rate = np.zeros((len(self.x), 2, 2)), np.eye(2) / max(node.rejoin, 1)
+        off = np.zeros((len(self.x), 2, 2))
         for t in range(node.step, len(self.F)):
-            off[t + 1] = self.F[t] @ off[t] + (rate if t < min(node.step + node.rejoin, until) else 0.0)
+            off[t + 1] = self.F[t] @ off[t]
+            if t < until:
+                share = 1.0 / node.rejoin if t < node.step + node.rejoin else 0.0
+                off[t + 1] += (share + node.counter * self.dt) * np.eye(2)
         return off
 
     def between(self, steps: list[int], others: list[int]) -> FloatArray:
@@ -529,8 +539,9 @@ def _fly(
         change = change.copy()
         change[node.step :, rows[met]] = 0.0
     if node.rejoin:
-        back = (np.array(node.fix["place"]) - y[met]) / (node.rejoin * robot.dt)
-        change[node.step : node.step + node.rejoin, rows[met]] = np.linalg.solve(robot.b, back.T).T
+        back = np.linalg.solve(robot.b, (np.array(node.fix["place"]) - y[met]).T).T
+        change[node.step :, rows[met]] = node.counter * back
+        change[node.step : node.step + node.rejoin, rows[met]] += back / (node.rejoin * robot.dt)
     for j, row in enumerate(node.rows):
         own, later = number == j, node.after(j)
         if later is None:

@@ -148,7 +148,8 @@ def _branch_faults(
     rows = list(all_branches(tree))
     routes = [one for one in drawn if one[0] == "branch"]
     lines = [x for role, _, x in drawn if role == "branch line"]
-    if len(routes) != len(rows) or not lines:
+    divided = any(len(one["branches"]) > 1 for one in all_trees(tree))
+    if len(routes) != len(rows) or divided != bool(lines):
         yield f"{len(routes)} branches and {len(lines)} lines between cells"
         return
     for row, (_, about, x) in zip(rows, routes, strict=True):

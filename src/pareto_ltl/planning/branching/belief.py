@@ -12,9 +12,10 @@ is the vector of both measured positions, and a cell is a cell at each.
 
 If the robot flies off y - p, p the planned position at the fix, in the n steps after it, then
 
-    e' = e - G (y - p),    G_t = Σ_s F_{t-1} ... F_{s+1} / n    over the steps s of these n before t,
+    e' = e - G (y - p),    G_t = Σ_s F_{t-1} ... F_{s+1} g_s    over the steps s before t,
 
-as long as its airspeeds allow it. Cells at a second fix hold positions measured after that. Moments ``told``
+with g = 1/n in these n steps; γ dt is added to g from the fix on if it counters the drift at the rate γ, as
+long as its airspeeds allow it. Cells at a second fix hold positions measured after that. Moments ``told``
 are always of y as it would be without: y - x of the second fix is less by G (y - p) of the first.
 """
 
@@ -124,13 +125,14 @@ class Course:
 
     flight: Flight
     across: FloatArray
+    dt: float
 
     @classmethod
     def of(cls, problem: Problem, x: FloatArray) -> Course:
         """The flights whose means are ``x`` (T+1, 2) [m], without a fix."""
         law = unaided(problem.world.law)
         flight = propagate(problem, x, law)
-        return cls(flight, cross_covariance(law, flight))  # type: ignore[arg-type]
+        return cls(flight, cross_covariance(law, flight), problem.motion.dt)  # type: ignore[arg-type]
 
     def between(self, steps: Sequence[int], others: Sequence[int]) -> FloatArray:
         """Cov(e_t, e_s) for t in ``steps`` and s in ``others``, (2n, 2m) [m²]."""
@@ -151,11 +153,12 @@ class Course:
         F, steps = self.flight.F, [fix.step for fix, _ in passed]
         found = np.zeros((len(passed), len(self.flight.x), 2, 2))
         for n, (fix, _) in enumerate(passed):
-            end = min([fix.step + fix.rejoin, *steps[n + 1 :]])  # a later fix replaces it
+            until = min([len(F), *steps[n + 1 :]])  # a later fix replaces it
+            rate = np.zeros(len(F))
+            rate[fix.step : until] = fix.counter * self.dt
+            rate[fix.step : min(fix.step + fix.rejoin, until)] += 1.0 / max(fix.rejoin, 1)
             for t in range(fix.step, len(F)):
-                found[n, t + 1] = F[t] @ found[n, t]
-                if t < end:
-                    found[n, t + 1] += np.eye(2) / fix.rejoin
+                found[n, t + 1] = F[t] @ found[n, t] + rate[t] * np.eye(2)
         return found
 
     def given(self, passed: Sequence[Passed], told: Moments) -> Flight:

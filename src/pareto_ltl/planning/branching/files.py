@@ -33,6 +33,7 @@ def branches_document(tree: Branching, air: FlownAir | None) -> dict[str, Any]:
             "available": fix.available,
             "landmark": fix.landmark,
             **({"rejoin_steps": fix.rejoin} if fix.rejoin else {}),
+            **({"counter_per_s": fix.counter} if fix.counter else {}),
         },
         "rate": asdict(tree.rate),
         "alone": asdict(tree.alone),
@@ -75,7 +76,7 @@ def read_branches(content: Mapping[str, Any]) -> Branching:
     read = BranchFix(
         fix["step"], np.array(fix["place"], float), np.array(fix["ahead"], float), float(fix["sd"]),
         float(fix["available"]), None if outline is None else np.array(outline, float),
-        int(fix.get("rejoin_steps", 0)),
+        int(fix.get("rejoin_steps", 0)), float(fix.get("counter_per_s", 0.0)),
     )  # fmt: skip
     if abs(math.hypot(*read.ahead) - 1.0) > 1e-6:
         raise ValueError("branches/fix/ahead must be a unit vector")

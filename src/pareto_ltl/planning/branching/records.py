@@ -44,6 +44,9 @@ class BranchFix:
     rejoin : int
         Number n of steps from the fix on in which the robot flies off its distance from ``place``: it adds
         -(y - place) / (n dt) to each air velocity of its branch, within its airspeeds; 0: it does not.
+    counter : float
+        Rate [1/s] at which it then goes on against the drift that the distance tells of: it adds
+        -counter (y - place) to every air velocity from the fix to the next one, or to the end.
     """
 
     step: int
@@ -53,6 +56,7 @@ class BranchFix:
     available: float = 1.0
     landmark: FloatArray | None = None
     rejoin: int = 0
+    counter: float = 0.0
 
     @property
     def axes(self) -> FloatArray:
@@ -64,12 +68,14 @@ class BranchFix:
         """Distances along and left (n, 2) [m] of the positions ``y`` (n, 2) [m]."""
         return np.asarray((y - self.place) @ self.axes.T, float)
 
-    def change(self, y: FloatArray, dt: float) -> FloatArray:
-        """What robots at the measured ``y`` (n, 2) [m] add to their velocities, (n, 2) [m/s].
+    def changes(self, y: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
+        """What robots at the measured ``y`` (..., 2) [m] add to their velocities, two times (..., 2) [m/s].
 
-        For ``rejoin`` steps of ``dt`` [s]; 0 if they fly nothing off.
+        For ``rejoin`` steps of ``dt`` [s], and in all later ones; 0 if they fly nothing off.
         """
-        return np.asarray((self.place - y) / (max(self.rejoin, 1) * dt) * bool(self.rejoin), float)
+        back = np.asarray(self.place - y, float)
+        later = self.counter * back
+        return (back / (self.rejoin * dt) + later if self.rejoin else later), later
 
     def inside(self, x: FloatArray) -> BoolArray:
         """Which robots at ``x`` (n, 2) [m] are where a fix can be taken."""

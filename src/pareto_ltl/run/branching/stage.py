@@ -272,10 +272,15 @@ def promising_trunks(grower: Grower, front: Front, own: int) -> list[int]:
 def outlook(grower: Grower, path: PlannedPath, fix: BranchFix) -> float:
     """Failure to expect of ``path`` with branches at ``fix``: with rests that return to it.
 
-    In each quadrant the mean of the flights is steered back to the path, within the :data:`RETURNS` of the
-    rest, or not at all, whichever fails least.
+    Each flight flies its deviation off. Where the setting does not have that, the mean of the flights in each
+    quadrant is steered back to the path, within the :data:`RETURNS` of the rest, or not at all, whichever
+    fails least.
     """
     problem, winds, k = grower.problem, grower.fitted, fix.step
+    if grower.world.settings.branch.rejoin:
+        y, taken = winds.measured_along(path.u, fix)
+        ways = grower.rejoining(Stem.trunk(path), fix)
+        return min(float(winds.after(way, y, taken).failed(path.u).mean()) for way in ways)
     x = winds.flown(path.u)
     failed = winds.flights.failed(x)
     y, taken = winds.measured(fix, x[:, k])

@@ -73,16 +73,20 @@ def with_second_fixes(grower: Grower, tree: Tree, number: int, fixes: Fixes) -> 
     division, found = tree.divisions[number - 1], dict[int, Grown]()
     cell_of = tree.table.branch(division.cells)
     for k in range(number):
-        if (division.failed & (cell_of == k)).mean() < SELDOM:
+        share = (division.failed & (cell_of == k)).mean()
+        if share == 0.0:
             continue
         stem = stem_on(grower.problem, tree, number, k)
         inner = grower.within(tree.stem, tree.fix, division.cells[k])
-        shoots = [inner.begun(stem, fix) for fix in fixes(stem) if fix.step > tree.fix.step]
+        later, often = [fix for fix in fixes(stem) if fix.step > tree.fix.step], share >= SELDOM
+        shoots = [inner.begun(stem, fix, searched=often) for fix in later]
         if not shoots:
             continue
-        own = inner.grown(min(shoots, key=inner.best_score), LATER_ROUNDS)
-        if (leaves := worthwhile_leaves(own)) > 0:
-            found[k] = Grown(own, leaves)
+        own = inner.grown(min(shoots, key=inner.best_score), LATER_ROUNDS if often else 0)
+        first = own.divisions[0]
+        fewer = own.fix.rejoin > 0 and first.failed.sum() < own.alone.failed.sum()
+        if (leaves := max(worthwhile_leaves(own), int(fewer))) > 0:
+            found[k] = Grown(own, leaves)  # whether it pays, fresh flights say
     return Grown(tree, number, found)
 
 

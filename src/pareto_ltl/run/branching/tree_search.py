@@ -22,13 +22,13 @@ from numpy.random import SeedSequence
 from pareto_ltl.planning.branching.belief import Course, learnt_in_cell, noise_of, prior_at
 from pareto_ltl.planning.branching.cells import EVERYWHERE, Cell, Ends, Moments
 from pareto_ltl.planning.branching.records import TRUNK, BranchFix, Passed, cells_of
-from pareto_ltl.planning.evaluate import propagate_controls
+from pareto_ltl.planning.evaluate import propagate, propagate_controls
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine import Effort, sampled_paths
 from pareto_ltl.planning.refine.separation import allowed_risk, separation
 from pareto_ltl.planning.selection_rules import SMALL
-from pareto_ltl.run.branching.rest_problem import World, rest_of_flight
+from pareto_ltl.run.branching.rest_problem import Countered, World, rest_of_flight
 from pareto_ltl.simulation.tree_flights import TreeFlights, whole_controls
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, length_of
 from pareto_ltl.support.counts import paired_difference
@@ -41,9 +41,12 @@ RESTS = 6  # rests retained of a cell
 PLACES = 9  # at which a line is tried, from the 10th to the 90th percentile
 ROUNDS = 2  # in which rests are searched for again in the cells that were drawn
 LATER_ROUNDS = 1  # the same, of a second fix
-SELDOM = 1e-3  # share of all flights: a cell in which fewer fail is not divided again
+SELDOM = 1e-3  # share of all flights: for a cell in which fewer fail no rest is searched for again
 SOME = 0.05  # share of the flights of a cell in an automaton state for which a rest is searched for
 REJOINED = (0.1, 0.3, 0.6)  # shares of the rest that are tried for flying off a deviation
+COUNTERED = (0.3, 0.6, 1.0)  # of the mean drift since the last fix, that are tried to be countered
+RESERVED = 0.9  # of the velocities that are added, for which rests retain airspeed
+SLOWER = (1.1, 1.25, 1.4)  # times as many steps, tried for rests: a reserve of airspeed to fly deviations off
 QUADRANTS = tuple(
     Cell(along, left)
     for along in ((0.0, math.inf), (-math.inf, 0.0))
@@ -203,26 +206,76 @@ class Grower:
 
     # --- one tree ---
 
-    def begun(self, stem: Stem, fix: BranchFix) -> Tree:
-        """The best trees with rests that were searched for around the planned position."""
-        fix = self.rejoining(stem, fix)
-        rests: list[FloatArray] = [stem.u[fix.step :]] * (2 if fix.rejoin else 1)
-        for cell in QUADRANTS if self.leaves > 2 else _halves():
-            rests += self.rests_in(stem, fix, cell)
+    def begun(self, stem: Stem, fix: BranchFix, *, searched: bool = True) -> Tree:
+        """The best trees with rests that were searched for around the planned position.
+
+        Without a search their rests are the one of the stem, and it flown slower.
+        """
+        ways = [(one, self.first_rests(stem, one, searched)) for one in self.rejoining(stem, fix)]
+        fix, rests = min(ways, key=lambda way: self.score_of_one(stem, *way))
+        if searched:
+            for cell in QUADRANTS if self.leaves > 2 else _halves():
+                rests += self.rests_in(stem, fix, cell)
         return self.tree(stem, fix, rests, self.table(stem, fix, rests))
 
-    def rejoining(self, stem: Stem, fix: BranchFix) -> BranchFix:
-        """``fix`` with the number of steps in which deviations are best flown off on the stem.
+    def first_rests(self, stem: Stem, fix: BranchFix, searched: bool) -> list[FloatArray]:
+        """The rest of the stem, and if deviations are flown off rests for all flights."""
+        rests: list[FloatArray] = [stem.u[fix.step :]]
+        if fix.rejoin:
+            rests += [*rests, *self.slower_rests(stem, fix, Cell(), rests[0])]
+            rests += self.rests_in(stem, fix, Cell()) if searched else []
+        return rests
 
-        0 if the setting says so, or if the flights fail no less.
+    def score_of_one(self, stem: Stem, fix: BranchFix, rests: Sequence[FloatArray]) -> float:
+        """The score of the best of ``rests`` for all flights that take the fix."""
+        y, taken = self.fitted.measured_along(stem.u, fix, stem.level)
+        after = self.fitted.after(fix, y, taken)
+        return min(self.worth_of(after, stem, fix.step, rest) for rest in rests)
+
+    def rejoining(self, stem: Stem, fix: BranchFix) -> list[BranchFix]:
+        """Ways to use what ``fix`` measures, each with the steps in which deviations are best flown off.
+
+        One without, and one with the best counter to the drift; on the stem, or on its rest flown slower. The
+        first one flies nothing off if the setting says so, or if the flights fail no less.
         """
         if not self.world.settings.branch.rejoin:
-            return fix
+            return [fix]
         y, taken = self.fitted.measured_along(stem.u, fix, stem.level)
-        rest = len(stem.u) - fix.step
-        tried = [replace(fix, rejoin=n) for n in sorted({0, *(max(round(s * rest), 1) for s in REJOINED)})]
-        failures = [int(self.fitted.after(one, y, taken).failed(stem.u).sum()) for one in tried]
-        return tried[int(np.argmin(failures))]
+        own, since = stem.u[fix.step :], stem.passed[-1].fix.step if stem.passed else 0
+        slower = self.slower_rests(stem, fix, Cell(), own)
+        wholes = [whole_controls(stem.u, fix.step, rest) for rest in (own, *slower)]
+
+        def fewest(one: BranchFix) -> int:
+            after = self.fitted.after(one, y, taken)
+            return min(int(after.failed(u).sum()) for u in (wholes if one.rejoin else wholes[:1]))
+
+        steps = sorted({max(round(share * len(own)), 1) for share in REJOINED})
+        elapsed = (fix.step - since) * self.problem.motion.dt
+        plain = [replace(fix, rejoin=n) for n in (0, *steps)]
+        countered = [replace(fix, rejoin=n, counter=c / elapsed) for n in steps for c in COUNTERED]
+        return [min(ways, key=fewest) for ways in (plain, countered) if ways]
+
+    def slower_rests(self, stem: Stem, fix: BranchFix, cell: Cell, rest: FloatArray) -> list[FloatArray]:
+        """``rest`` along the same positions in more steps, as far as they can be flown in ``cell``."""
+        u = whole_controls(stem.u, fix.step, rest)
+        means, found, passed = expected_means(self.problem, u), [], stem.past(fix, cell)
+        told = Course.of(self.problem, stem.means).told(passed)
+        for factor in SLOWER:
+            steps = math.ceil(factor * len(rest))
+            if fix.step + steps > self.problem.horizon:
+                continue
+            at = fix.step + np.linspace(0.0, len(rest), steps + 1)
+            slow = np.stack([np.interp(at, np.arange(len(means)), x) for x in means.T], axis=1)
+            whole = np.ascontiguousarray(np.vstack([means[: fix.step], slow]))
+            one = propagate(self.problem, whole, unaided(self.problem.world.law)).u[fix.step :]
+            if self.within_airspeeds(one) and self.can_be_flown(stem, passed, told, one):
+                found.append(np.ascontiguousarray(one))
+        return found
+
+    def within_airspeeds(self, u: FloatArray) -> bool:
+        """Whether the robot can fly the controls ``u`` (T, 2) [m/s]."""
+        speed, motion = np.hypot(*u.T), self.problem.motion
+        return bool((speed >= motion.u_min).all() and (speed <= motion.u_max).all())
 
     def grown(self, tree: Tree, rounds: int = ROUNDS) -> Tree:
         """``tree`` with rests that were searched for again in its cells, and with cells drawn again."""
@@ -261,15 +314,23 @@ class Grower:
         learnt = learnt_in_cell(prior_at(self.problem, passed, stem.means), told, noise_of(passed))
         state = np.array([self.problem.states(flight)[-1] for flight in x[rows]])
         here = x[:, -1]
-        if fix.rejoin:  # the rest is searched for as if the deviation were flown off at once
+        countered, reserve = None, 0.0
+        if fix.counter:  # the rest is searched for as if what is expected of the wind were countered
+            prior = prior_at(self.problem, passed[-1:], stem.means)
+            countered = Countered.of(prior, fix.sd, y - stem.means[k])
+            point = Moments(told.share, np.zeros(2), np.zeros((2, 2)))
+            learnt = learnt_in_cell(prior, point, noise_of(passed[-1:]))
+            added = np.hypot(*fix.changes(y[rows], self.problem.motion.dt)[1].T)
+            reserve = float(np.quantile(added, RESERVED))
+        if fix.rejoin:  # and as if the deviation were flown off at once
             here = here - (y - fix.place)
             learnt = learnt.at_place(fix.place, fix.sd)
         found: list[tuple[float, FloatArray]] = []
         for q in self.open_states(state):
             own = rows[state == q]
             try:
-                rest = rest_of_flight(self.world, learnt, k, q)
-                flights = rest.flights(winds.flights.only(own), here[own])
+                rest = rest_of_flight(self.world, learnt, k, q, reserve)
+                flights = rest.flights(winds.flights.only(own), here[own], countered and countered.only(own))
                 effort = Effort.of(self.world.settings.refine.coarse())
                 paths = sampled_paths(effort, rest.problem, None, flights)
             except (InfeasibleError, DataError) as error:
@@ -277,6 +338,10 @@ class Grower:
                 continue
             found += [(self.worth_of(after.only(rows), stem, k, path.u), path.u) for path in paths]
         found.sort(key=lambda pair: pair[0])
+        if fix.rejoin and found:
+            slow = self.slower_rests(stem, fix, cell, found[0][1])
+            found += [(self.worth_of(after.only(rows), stem, k, u), u) for u in slow]
+            found.sort(key=lambda pair: pair[0])
         return [u for _, u in found[:RESTS] if self.can_be_flown(stem, passed, told, u)]
 
     def worth_of(self, winds: TreeFlights, stem: Stem, step: int, rest: FloatArray) -> float:

@@ -251,6 +251,7 @@ def _verdicts(run: ShownRun, plan: Plan) -> Iterator[dict[str, str]]:
         when = f"{round(tree.fix.step * plan.dt) / 3600:.4g} h"
         off = (
             f", and {round(tree.fix.rejoin * plan.dt) / 3600:.4g} h to fly its distance off"
+            f"{', then against its drift' if tree.fix.counter else ''}"
             if tree.fix.rejoin
             else ""
         )
