@@ -32,6 +32,7 @@ from pareto_ltl.run.branching.tree_plan import (
 from pareto_ltl.run.branching.tree_search import (
     LEAST_FLIGHTS,
     QUADRANTS,
+    REJOINED,
     Grower,
     Stem,
     Tree,
@@ -51,7 +52,6 @@ from pareto_ltl.world.cells import inside_depth
 LOG = logging.getLogger(__name__)
 STREAM, PROMISED = "branches", "promised branches"  # random streams of the search, of the promise,
 CONFIRMED, BENT = "confirmed branches", "bent trunk"  # of what is retained, of the promise without a fix
-TRUNKS = 2  # paths of the front that trees are grown on, the plan among them
 RETURNS = (0.1, 0.5)  # shares of the rest within which flights return to the path, when trunks are compared
 
 
@@ -131,11 +131,11 @@ def best_tree(
     last = max(fix.step for _, fix in places) if fixes > 1 else 0
     shoots = begun([place for place in places if place[1].step < last])
     if shoots:
-        tree = grower.grown(min(shoots, key=grower.best_score))
+        tree = grower.grown(grower.best_of(shoots))
         if (number := worthwhile_leaves(tree)) > 0:
             return tree, number
     shoots += begun([place for place in places if place[1].step >= last])
-    tree = grower.grown(min(shoots, key=grower.best_score))
+    tree = grower.grown(grower.best_of(shoots))
     return tree, worthwhile_leaves(tree)
 
 
@@ -253,9 +253,10 @@ def fixes_along(cfg: BranchConfig, robot: RobotConfig, problem: Problem, x: Floa
 
 
 def promising_trunks(grower: Grower, front: Front, own: int) -> list[int]:
-    """The plan, and with ``selection.rule=worth`` the paths of the front that are likely to be better trunks.
+    """The plan, and with ``selection.rule=worth`` paths of the front that are likely to be better trunks.
 
-    Other rules take their path for other reasons, and ``branch.fit_trunk=false`` takes the plan.
+    The one with the best outlook, and the next safer one, which fails less before the fix. Other rules take
+    their path for other reasons, and ``branch.fit_trunk=false`` takes the plan.
     """
     settings = grower.world.settings
     if settings.selection.rule != "worth" or not settings.branch.fit_trunk:
@@ -266,7 +267,8 @@ def promising_trunks(grower: Grower, front: Front, own: int) -> list[int]:
         if point != own and fixes:
             failure = min(outlook(grower, path, fix) for fix in fixes)
             scores[point] = grower.score(failure, length_of(path.x))
-    return [own, *sorted(scores, key=lambda point: scores[point])[: TRUNKS - 1]]
+    best = sorted(scores, key=lambda point: scores[point])[:1]
+    return list(dict.fromkeys([own, *best, max(own - 1, 0)]))
 
 
 def outlook(grower: Grower, path: PlannedPath, fix: BranchFix) -> float:
@@ -279,8 +281,8 @@ def outlook(grower: Grower, path: PlannedPath, fix: BranchFix) -> float:
     problem, winds, k = grower.problem, grower.fitted, fix.step
     if grower.world.settings.branch.rejoin:
         y, taken = winds.measured_along(path.u, fix)
-        ways = grower.rejoining(Stem.trunk(path), fix)
-        return min(float(winds.after(way, y, taken).failed(path.u).mean()) for way in ways)
+        off = replace(fix, rejoin=max(round(REJOINED[1] * (len(path.u) - k)), 1))
+        return float(winds.after(off, y, taken).failed(path.u).mean())
     x = winds.flown(path.u)
     failed = winds.flights.failed(x)
     y, taken = winds.measured(fix, x[:, k])

@@ -36,6 +36,7 @@ from pareto_ltl.support.errors import DataError, InfeasibleError
 
 LOG = logging.getLogger(__name__)
 FITTED, JUDGED = 4000, 8000  # flights that rests are fitted to, and flights by which trees are chosen
+SURE = 2.0  # standard errors by which a tree on another path of the front must be better
 LEAST_FLIGHTS = 50  # of a cell: fewer say nothing
 RESTS = 6  # rests retained of a cell
 PLACES = 9  # at which a line is tried, from the 10th to the 90th percentile
@@ -209,14 +210,25 @@ class Grower:
     def begun(self, stem: Stem, fix: BranchFix, *, searched: bool = True) -> Tree:
         """The best trees with rests that were searched for around the planned position.
 
-        Without a search their rests are the one of the stem, and it flown slower.
+        If deviations are flown off, for all flights; else for those in each of the cells around it. Without a
+        search their rests are the one of the stem, and it flown slower.
         """
         ways = [(one, self.first_rests(stem, one, searched)) for one in self.rejoining(stem, fix)]
         fix, rests = min(ways, key=lambda way: self.score_of_one(stem, *way))
-        if searched:
-            for cell in QUADRANTS if self.leaves > 2 else _halves():
-                rests += self.rests_in(stem, fix, cell)
-        return self.tree(stem, fix, rests, self.table(stem, fix, rests))
+        tree = self.tree(stem, fix, rests, self.table(stem, fix, rests))
+        return self.searched_in(tree, self.around()) if searched and not fix.rejoin else tree
+
+    def around(self) -> tuple[Cell, ...]:
+        """The cells around the planned position in which rests are searched for first."""
+        return QUADRANTS if self.leaves > 2 else _halves()
+
+    def searched_in(self, tree: Tree, cells: Sequence[Cell]) -> Tree:
+        """``tree`` with rests that were searched for in ``cells``, and with cells drawn again."""
+        more = [u for cell in cells for u in self.rests_in(tree.stem, tree.fix, cell)]
+        if not more:
+            return tree
+        table = self.with_rests(tree.table, tree.stem, tree.fix, more)
+        return replace(self.tree(tree.stem, tree.fix, [*tree.rests, *more], table), point=tree.point)
 
     def first_rests(self, stem: Stem, fix: BranchFix, searched: bool) -> list[FloatArray]:
         """The rest of the stem, and if deviations are flown off rests for all flights."""
@@ -278,13 +290,17 @@ class Grower:
         return bool((speed >= motion.u_min).all() and (speed <= motion.u_max).all())
 
     def grown(self, tree: Tree, rounds: int = ROUNDS) -> Tree:
-        """``tree`` with rests that were searched for again in its cells, and with cells drawn again."""
+        """``tree`` with rests that were searched for again in its cells, and with cells drawn again.
+
+        If deviations are flown off, around the planned position first; cells that do not pay beside that are
+        not searched again.
+        """
+        if rounds and tree.fix.rejoin:
+            tree = self.searched_in(tree, self.around())
         for _ in range(rounds):
-            more = [u for cell in tree.divisions[-1].cells for u in self.rests_in(tree.stem, tree.fix, cell)]
-            if not more:
+            if tree.fix.rejoin and worthwhile_leaves(tree) < 2:
                 break
-            table = self.with_rests(tree.table, tree.stem, tree.fix, more)
-            tree = replace(self.tree(tree.stem, tree.fix, [*tree.rests, *more], table), point=tree.point)
+            tree = self.searched_in(tree, tree.divisions[-1].cells)
         return tree
 
     def tree(self, stem: Stem, fix: BranchFix, rests: Sequence[FloatArray], table: Table) -> Tree:
@@ -297,6 +313,21 @@ class Grower:
     def best_score(self, tree: Tree) -> float:
         """The best score of ``tree`` with any number of branches."""
         return min(self.score(one.failure, one.length) for one in tree.divisions)
+
+    def best_of(self, trees: Sequence[Tree]) -> Tree:
+        """The best of ``trees``; one on another path than the first one only if it is surely better."""
+        best = min((tree for tree in trees if tree.point == trees[0].point), key=self.best_score)
+        for tree in sorted(trees, key=self.best_score):
+            if tree.point != best.point and self.gain(tree, best) > SURE:
+                return tree
+        return best
+
+    def gain(self, tree: Tree, than: Tree) -> float:
+        """How much lower the score of ``tree`` is, in standard errors of the failures in the same flights."""
+        one, other = (min(t.divisions, key=lambda d: self.score(d.failure, d.length)) for t in (tree, than))
+        unlike = max(int((one.failed != other.failed).sum()), 1)
+        error = math.sqrt(unlike) / (len(one.failed) * (min(one.failure, other.failure) + SMALL))
+        return (self.score(other.failure, other.length) - self.score(one.failure, one.length)) / error
 
     def rests_in(self, stem: Stem, fix: BranchFix, cell: Cell) -> list[FloatArray]:
         """Controls of rests that few of the flights in ``cell`` fail with."""
