@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import html
 import json
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -96,6 +98,19 @@ def test_each_branch_has_a_table_from_the_fix_on(made: Path) -> None:
     assert roles.count("branch") == 2
     assert roles.count("branch line") == 1
     assert (made / "plan.kml").read_text().count("<name>branch ") == 2
+
+
+def test_the_card_says_how_to_get_distances_by_hand_and_what_a_line_divides(made: Path) -> None:
+    run = Run.open(made)
+    tree, frame = run.plan.branching, run.scene.frame
+    assert tree is not None
+    page = html.unescape((made / "branch_cards.html").read_text())
+    sums = re.findall(r"(-?[\d.]+) N ([+-]) ([\d.]+) E", page)
+    place = tree.fix.place + np.array([20_000.0, -15_000.0]) @ tree.fix.axes
+    (lon, lon0), (lat, lat0) = frame.to_geographic(np.stack([place, tree.fix.place]))
+    found = [float(a) * (lat - lat0) + float(sign + b) * (lon - lon0) for a, sign, b in sums[:2]]
+    assert found == pytest.approx([20.0, -15.0], abs=0.3)  # [km]; the map is not quite flat
+    assert re.findall(r"<td>([A-D] \| [A-D])</td>", page) == ["A | B"]
 
 
 @needs_lua

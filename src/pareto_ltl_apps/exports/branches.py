@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -193,18 +193,24 @@ def _question_lines(plan: Plan, tree: Branching, frame: Frame, what: str) -> Ite
 
 def dividing_lines(tree: Branching, reach: float) -> list[tuple[str, FloatArray]]:
     """The lines between the cells, each with its meaning and two ends (2, 2) [m], at most ``reach`` away."""
-    found = dict[tuple[float, ...], tuple[str, FloatArray]]()
+    found = set[tuple[int, float, float, float]]()
     for branch in tree.branches:
         box = [np.clip(ends, -reach, reach) for ends in (branch.cell.along, branch.cell.left)]
-        for i, what in ((0, "across the track"), (1, "along the track")):
+        for i in (0, 1):
             for end in (branch.cell.along, branch.cell.left)[i]:
-                if not math.isfinite(end):
-                    continue
-                ends = np.empty((2, 2))
-                ends[:, i], ends[:, 1 - i] = end, box[1 - i]
-                key = (i, end, *box[1 - i].tolist())
-                found[key] = (what, tree.fix.place + ends @ tree.fix.axes)
-    return list(found.values())
+                if math.isfinite(end):
+                    found.add((i, end, *box[1 - i].tolist()))
+    lines = []
+    for i, end, low, high in sorted(found):
+        # A cell beside several others has the lines of all of them in one.
+        if any(
+            one[:2] == (i, end) and one[2] <= low and high <= one[3] for one in found - {(i, end, low, high)}
+        ):
+            continue
+        ends = np.empty((2, 2))
+        ends[:, i], ends[:, 1 - i] = end, (low, high)
+        lines.append((("across the track", "along the track")[i], tree.fix.place + ends @ tree.fix.axes))
+    return lines
 
 
 def cell_outline(branch: Branch, tree: Branching, reach: float) -> FloatArray:
@@ -299,7 +305,8 @@ def _question(
         for one, color in zip(branches, COLORS, strict=False)
     )
     lines = "".join(
-        f"<tr><td>{what}</td><td>{_place(frame, ends[0])}</td><td>{_place(frame, ends[1])}</td></tr>"
+        f"<tr><td>{what}</td><td>{_beside(tree, ends, reach)}</td><td>{_place(frame, ends[0])}</td>"
+        f"<td>{_place(frame, ends[1])}</td></tr>"
         for what, ends in dividing_lines(tree, reach)
     )
     rate, alone = tree.rate, tree.alone
@@ -314,42 +321,78 @@ No position: go on with {without}.</p>
 {rows}</table>
 {_map(tree, plan, frame, reach)}
 <p>Planned position {degrees(lat, lon)} ({lat:.4f}, {lon:.4f}); planned track
-{track_bearing(frame, tree):.0f}° true. Left and right are seen along the track.
-The dashed ellipse holds 95 % of the measured positions. A position far outside of the map is out of what
+{track_bearing(frame, tree):.0f}° true. Left and right are seen along the track; ticks are
+{_tick(reach):g} km apart. {_by_hand(frame, tree)}
+The dashed ellipse holds 95 % of the measured positions. A position outside of the map is out of what
 the plan expects: check it before you use it.</p>
 {_lines_table(lines)}{_rejoin_table(tree, reach)}
 <p class="note">Of {flights} these tables, {rate_text(rate.failure, rate.low, rate.high)} fail;
 of the same flights without the fix, {rate_text(alone.failure, alone.low, alone.high)}.</p>"""
 
 
+def _beside(tree: Branching, ends: FloatArray, reach: float) -> str:
+    """The letters on both sides of a line between cells: ``A | B, C``."""
+    at = ends[0] + np.linspace(0.02, 0.98, 49)[:, None] * (ends[1] - ends[0])
+    along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
+    sides = (1e-3 * reach * np.array([-along[1], along[0]]), 1e-3 * reach * np.array([along[1], -along[0]]))
+    names = [sorted({tree.branches[k].name for k in tree.chosen(at + side)}) for side in sides]
+    return " | ".join(", ".join(part) for part in sorted(names))
+
+
+def _by_hand(frame: Frame, tree: Branching) -> str:
+    """How to get the two distances from a latitude and a longitude, near the planned position."""
+    place, reach = tree.fix.place, 1000.0
+    lon, lat = (float(part[0]) for part in frame.to_geographic(place[None]))
+    beside = frame.to_plane(np.array([lon, lon + 0.1]), np.array([lat + 0.1, lat]))
+    (ahead_lat, left_lat), (ahead_lon, left_lon) = tree.fix.distances(beside) / (0.1 * reach)
+
+    def sum_of(north: float, east: float) -> str:
+        return f"{north:.1f} N {'+' if east >= 0.0 else '-'} {abs(east):.1f} E"
+
+    return (
+        "In km, by degrees of latitude north (N) and of longitude east (E) of the planned position: "
+        f"{sum_of(ahead_lat, ahead_lon)} ahead, {sum_of(left_lat, left_lon)} to the left."
+    )
+
+
 def _lines_table(lines: str) -> str:
     """The lines between the cells by their ends; nothing for one cell."""
-    head = '<table class="answers"><tr><th>line</th><th>from</th><th>to</th></tr>'
-    return f"{head}{lines}</table>" if lines else ""
+    if not lines:
+        return ""
+    head = '<table class="answers"><tr><th>line</th><th>between</th><th>from</th><th>to</th></tr>'
+    return f"{head}{lines}</table><p>On a line, either table will do.</p>"
+
+
+def _tick(reach: float) -> float:
+    """The distance of ticks on the map, and of the rows of the table of velocities [km]."""
+    return next((one for one in STEPS_KM if 4.0 * one >= reach / 1e3), STEPS_KM[-1])
 
 
 def _rejoin_table(tree: Branching, reach: float) -> str:
     """What to add to the table for some time, by the distance from the planned position."""
     if not tree.fix.rejoin:
         return ""
-    seconds, later = rejoin_seconds(tree), tree.fix.counter
-    unit = next((one for one in STEPS_KM if 4.0 * one >= reach / 1e3), STEPS_KM[-1])
+    seconds, later, unit = rejoin_seconds(tree), tree.fix.counter, _tick(reach)
     rows = "".join(
-        f"<tr><td>{distance_text(d)}</td><td>{d * (1.0 / seconds + later):.1f}</td>"
-        + (f"<td>{d * later:.1f}</td>" if later else "")
+        f"<tr><td>{distance_text(d)}</td><td>{d * (1.0 / seconds + later):.2f}</td>"
+        + (f"<td>{d * later:.2f}</td>" if later else "")
         + "</tr>"
-        for d in unit * 1e3 * np.arange(1, 5)
+        for d in unit * 1e3 * np.array([0.5, 1.0, 2.0, 3.0, 4.0])
     )
     title, legs = f"for {clock(seconds)}", f"each of its legs until {clock(seconds)} after the fix"
     columns = "<th>velocity to add [m/s]</th>"
     if later:
         title, legs = "then go on against the drift that it tells of", "each of its legs"
-        columns = f"<th>velocity to add for {clock(seconds)} [m/s]</th><th>and from then on [m/s]</th>"
+        columns = (
+            f"<th>velocity to add for {clock(seconds)} after the fix [m/s]</th>"
+            "<th>instead of it, from then on [m/s]</th>"
+        )
     return f"""<h2>And fly the distance off, {title}</h2>
-<p>With whichever table, add to the velocity of {legs}: along the planned track for what the position is
-<b>behind</b> the planned one, against the track for what it is <b>ahead</b>; to the right for what it is
-<b>left</b> of the track, to the left for what it is <b>right</b>
-of it. The sum gives heading and true airspeed; beyond the airspeeds of the robot, only the heading.</p>
+<p>With whichever table, add to the velocity through the air of {legs} two velocities, in directions that stay
+those of the planned track at the fix: one along it for what the position is <b>behind</b> the planned one,
+or against it for what it is <b>ahead</b>; and one to the right for what it is <b>left</b> of the track, or to
+the left for what it is <b>right</b> of it. Each is in proportion to its distance. The sum gives heading and
+true airspeed; if the robot is not as fast or as slow as that, its nearest airspeed.</p>
 <table class="answers"><tr><th>distance</th>{columns}</tr>{rows}</table>
 """
 
@@ -455,6 +498,7 @@ def _map(tree: Branching, plan: Plan, frame: Frame, reach: float) -> str:
         f'<polygon points="{" ".join(at(ellipse))}" fill="none" stroke="#111" stroke-width="1.2" '
         'stroke-dasharray="7 5"/>'
     )
+    parts += _ticks(tree, reach, at)
     parts.append(f'<circle cx="{half}" cy="{half}" r="5" fill="#111"/>')
     parts.append(f'<text x="{half + 9}" y="{half - 9}" font-size="13">planned position</text>')
     side = SIZE + 2 * EDGE
@@ -466,6 +510,32 @@ def _map(tree: Branching, plan: Plan, frame: Frame, reach: float) -> str:
         f'<rect width="{SIZE}" height="{SIZE}" fill="none" stroke="#111"/>'
         f"{''.join(part for part in parts if RIM in part)}</svg>"
     )
+
+
+def _ticks(tree: Branching, reach: float, at: Callable[[FloatArray], list[str]]) -> list[str]:
+    """The line across the planned track, and ticks with kilometres on it and on the track."""
+    fix, unit, found = tree.fix, _tick(reach), []
+    far = 1.5 * reach
+    across = at(fix.place + np.array([[0.0, -far], [0.0, far]]) @ fix.axes)
+    found.append(
+        f'<polyline points="{" ".join(across)}" fill="none" stroke="#111" stroke-width=".8" '
+        'stroke-dasharray="2 4"/>'
+    )
+    for k in (-4, -3, -2, -1, 1, 2, 3, 4):
+        for i in (0, 1):
+            d, size = k * unit * 1e3, 0.012 * reach
+            ends = np.full((3, 2), d)
+            ends[:, 1 - i] = (-size, size, -4.0 * size)
+            points = at(fix.place + ends @ fix.axes)
+            x, y = points[2].split(",")
+            found.append(f'<polyline points="{points[0]} {points[1]}" fill="none" stroke="#111"/>')
+            if abs(k) == 1:  # beside the name of the planned position
+                continue
+            found.append(
+                f'<text x="{x}" y="{y}" font-size="10" text-anchor="middle" dominant-baseline="middle" '
+                f'fill="#333">{abs(k) * unit:g}</text>'
+            )
+    return found
 
 
 RIM = 'class="rim"'  # texts outside of the frame of the map
