@@ -156,7 +156,7 @@ class InMemory:
             code, seconds = meet(
                 [item.nodeid for item in chosen],
                 partial(_with, session, items, new, functions),
-                lambda name, told: partial(_run, session, [items[name]], {}, (), told),
+                partial(_with, session, items, {}, ()),
                 limit(case),
                 self.sound,
             )
@@ -209,13 +209,15 @@ def _run(
 def meet(
     names: Sequence[str],
     with_mutant: Callable[[Sequence[str], Path], Callable[[], int]],
-    without: Callable[[str, Path], Callable[[], int]],
+    without: Callable[[Sequence[str], Path], Callable[[], int]],
     seconds: float,
     sound: dict[str, bool],
 ) -> tuple[int, float]:
     """The exit code of the tests that a mutant meets, and the processor time [s].
 
     ``sound`` holds whether tests that failed with a mutant pass without one; those that do not are left out.
+    Tests that end without a failed one, since time is over or the process dies, are run without it as well:
+    unless they then pass, they say nothing.
     """
     spent, names = 0.0, [name for name in names if sound.get(name, True)]
     with tempfile.TemporaryDirectory(prefix="mutant_") as folder:
@@ -225,16 +227,18 @@ def meet(
             code, took = forked(with_mutant(names, told), seconds)
             spent += took
             failed = told.read_text() if told.exists() else ""
-            if code in (0, 4) or not failed:
+            if code in (0, 4):
                 return code, spent
-            if failed not in sound:
-                alone, took = forked(without(failed, told), seconds)
-                sound[failed], spent = alone == 0, spent + took
+            noticed = [failed] if failed else list(names)
+            key = "\n".join(noticed)
+            if key not in sound:
+                alone, took = forked(without(noticed, told), seconds)
+                sound[key], spent = alone == 0, spent + took
                 if alone:
-                    print(f"fails without a mutant, too: {failed}", file=sys.stderr, flush=True)
-            if sound[failed]:
+                    print(f"fails without a mutant, too: {', '.join(noticed)}", file=sys.stderr, flush=True)
+            if sound[key]:
                 return code, spent
-            names = [name for name in names if name != failed]
+            names = [name for name in names if name not in noticed]
     return 0, spent
 
 
@@ -287,7 +291,7 @@ def _judge_from_start(cases: Sequence[Case], root: Path, report: Any) -> None:
         code, seconds = meet(
             case.tests,
             partial(partial, _meet_changed, case),
-            lambda name, told: partial(_meet_changed, None, [name], told),
+            partial(partial, _meet_changed, None),
             limit(case),
             sound,
         )

@@ -201,3 +201,29 @@ def test_a_test_that_fails_without_a_mutant_kills_none(
     made = [Case(one, file, names, 0.1) for one in mutants(code, "smaller_module")]
     assert len(made) == 2
     assert not any(one.killed for one in judged(made, tmp_path, lambda *_: None).values())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the tests of a mutant run in a fork")
+@pytest.mark.parametrize("test", ["while True:\n        pass", "os._exit(7)"], ids=["endless", "dies"])
+def test_a_mutant_that_changes_nothing_is_not_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, test: str
+) -> None:
+    """By tests that pass, by one that never ends, and by one that ends the process."""
+    code = "def twice(a):\n    return a + a\n"
+    same = "def twice(a):\n    return 2 * a\n"
+    name = f"null_module_{test[:2].strip('_.')}"
+    file, path = tmp_path / f"{name}.py", f"tests/test_{name}.py"
+    file.write_text(code)
+    (tmp_path / "tests").mkdir()
+    (tmp_path / path).write_text(
+        f"import os\n\nfrom {name} import twice\n\n\ndef test_good(): assert twice(3) == 6\n\n\n"
+        f"def test_bad():\n    {test}\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr("mutants.judge.MORE_TIME", (1.0, 1.0))
+    (one,) = mutants(code, name)
+    null = one._replace(source=same)
+    for chosen in (("test_good",), ("test_good", "test_bad")):
+        names = tuple(f"{path}::{part}" for part in chosen)
+        verdicts = judged([Case(null, file, names, 0.1)], tmp_path, lambda *_: None)
+        assert [verdict.killed for verdict in verdicts.values()] == [False]
