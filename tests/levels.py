@@ -115,6 +115,7 @@ NOT_BY_DAY = [
     "run/test_objects_compose",
     "run/test_pipeline::test_where_refinement_finds_nothing_that_can_be_flown_the_paths_of_the_trees_stay",
     "run/test_received_results",
+    "run/test_rejoin",
     "run/test_replan_inputs",
     "run/test_replanning",
     "run/test_steering",
@@ -170,13 +171,13 @@ NOT_BY_DAY = [
 ]
 IN_EVERY_PART = ["test_golden", "verify/test_verify"]  # the plans of the paper, and the checker of every plan
 SECONDS = {  # of the longest modules of two processes on two cores, so that parts take equally long
-    "run/test_branches": 209, "serve/test_desk_browser": 80, "serve/test_desk_api": 87,
+    "run/test_branches": 170, "run/test_rejoin": 60, "serve/test_desk_browser": 80, "serve/test_desk_api": 87,
     "run/test_faults": 72, "cli/test_hydra_app": 72, "run/test_whole_jobs": 52,
     "run/test_replan_inputs": 60, "studies/test_sweeps": 60,
     "run/test_nothing_received_acts": 61, "wind/test_sources": 59, "kernels/test_code_cache": 56,
     "cli/test_commands": 50, "fuzz/test_fuzz": 52, "test_documented_commands": 49, "test_examples": 50,
     "run/test_vehicles": 48, "run/test_interface": 47, "run/test_replanning": 35, "run/test_choosing": 40,
-    "verify/test_laws_of_parts": 35,
+    "verify/test_laws_of_parts": 35, "verify/test_generated_lies": 48, "inflight/test_command": 44,
 }  # fmt: skip
 USUAL_SECONDS = 15  # of a module that is not by day
 ONLY_AT_NIGHT = [

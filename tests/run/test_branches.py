@@ -530,13 +530,15 @@ def test_a_fix_that_says_nothing_gives_no_branches(
     assert math.isfinite(plan.promise.rate.failure)  # type: ignore[union-attr]
 
 
-def test_a_plan_branches_in_a_landmark_that_it_passes(tmp_path: Path) -> None:
-    """The fix has the error and the place of the landmark, is missed outside, and steers nothing."""
+def test_a_plan_branches_in_landmarks_that_it_passes(tmp_path: Path) -> None:
+    """Fixes have the error and the places of the landmarks, are missed outside, and steer nothing."""
     place, scene = tmp_path / "landmark", read_yaml(choice_file("scene", "phi1"))
-    mark = [[0.6, 6.5], [3.1, 6.5], [3.1, 9.4], [0.6, 9.4]]
-    run = pareto_ltl.plan(
-        scene | {"landmarks": [mark]}, PHI1, out=place, branch={"leaves": 2, "available": 0.8}, **SMALL
-    )
+    marks = [
+        [[0.6, 6.5], [3.1, 6.5], [3.1, 9.4], [0.6, 9.4]],
+        [[5.6, 6.6], [7.2, 6.6], [7.2, 7.9], [5.6, 7.9]],
+    ]
+    branch = {"leaves": 2, "available": 0.8, "fixes": 2}
+    run = pareto_ltl.plan(scene | {"landmarks": marks}, PHI1, out=place, branch=branch, **SMALL)
     tree = run.plan.branching
     assert tree is not None
     assert tree.fix.landmark is not None
@@ -544,6 +546,10 @@ def test_a_plan_branches_in_a_landmark_that_it_passes(tmp_path: Path) -> None:
     assert (tree.fix.sd, tree.fix.available) == (run.settings.robot.fix_sd, 0.8)
     assert run.plan.path.fixes == ()
     assert tree.difference[2] < 0.0
+    later = [one.then.fix for one in tree.branches if one.then is not None]
+    assert later
+    assert all(one.landmark is not None and one.inside(one.place[None])[0] for one in later)
+    assert all((one.landmark != tree.fix.landmark).any() for one in later)
     taken = sum(one.rate.runs for one in tree.branches)
     assert taken < 0.8 * tree.rate.runs + 6 * math.sqrt(0.16 * tree.rate.runs)  # outside it is not taken
     assert [finding for finding in verify(place) if not finding.holds] == []
