@@ -65,7 +65,7 @@ def test_people_read_what_to_add(made: Path) -> None:
     assert f"{rate:.3g} m/s less along the planned track" in told
     card = (made / "branch_cards.html").read_text()
     assert "And fly the distance off" in card
-    assert "from then on" in card
+    assert "from then to the" in card
     assert f"from then on {later:.3g} m/s" in (made / "plan.kml").read_text()
     assert "behind" in card
     assert f"{rate:.3g} m/s more to the right" in (made / "plan.kml").read_text()

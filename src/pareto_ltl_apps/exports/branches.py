@@ -316,7 +316,7 @@ def _question(
     return f"""<h1>{html.escape(name)}: which table to fly{" next" * bool(table)}</h1>
 <p><b>{when}</b>, measure the position{landmark} (standard deviation {distance_text(fix.sd)}).
 <b>Where is it?</b> Plot it on the map, and fly from then on the table of the letter that it lies on.
-No position: go on with {without}.</p>
+No position: go on with {without}, and add nothing.</p>
 <table class="answers"><tr><th>table</th><th>the measured position is</th><th>how often</th></tr>
 {rows}</table>
 {_map(tree, plan, frame, reach)}
@@ -351,7 +351,8 @@ def _by_hand(frame: Frame, tree: Branching) -> str:
 
     return (
         "In km, by degrees of latitude north (N) and of longitude east (E) of the planned position: "
-        f"{sum_of(ahead_lat, ahead_lon)} ahead, {sum_of(left_lat, left_lon)} to the left."
+        f"{sum_of(ahead_lat, ahead_lon)} ahead, {sum_of(left_lat, left_lon)} to the left; less than 0 is "
+        "behind, or to the right."
     )
 
 
@@ -374,18 +375,19 @@ def _rejoin_table(tree: Branching, reach: float) -> str:
         return ""
     seconds, later, unit = rejoin_seconds(tree), tree.fix.counter, _tick(reach)
     rows = "".join(
-        f"<tr><td>{distance_text(d)}</td><td>{d * (1.0 / seconds + later):.2f}</td>"
-        + (f"<td>{d * later:.2f}</td>" if later else "")
+        f"<tr><td>{d:g} km</td><td>{1e3 * d * (1.0 / seconds + later):.{places}f}</td>"
+        + (f"<td>{1e3 * d * later:.{places}f}</td>" if later else "")
         + "</tr>"
-        for d in unit * 1e3 * np.array([0.5, 1.0, 2.0, 3.0, 4.0])
+        for d, places in ((1.0, 4), *((k * unit, 2) for k in (1, 2, 3, 4)))
     )
+    again = any(branch.then is not None for branch in tree.branches)
     title, legs = f"for {clock(seconds)}", f"each of its legs until {clock(seconds)} after the fix"
     columns = "<th>velocity to add [m/s]</th>"
     if later:
         title, legs = "then go on against the drift that it tells of", "each of its legs"
         columns = (
             f"<th>velocity to add for {clock(seconds)} after the fix [m/s]</th>"
-            "<th>instead of it, from then on [m/s]</th>"
+            f"<th>instead of it, from then to the {'next fix or the ' * again}end [m/s]</th>"
         )
     return f"""<h2>And fly the distance off, {title}</h2>
 <p>With whichever table, add to the velocity through the air of {legs} two velocities, in directions that stay

@@ -41,7 +41,7 @@ class World:
 class Countered(NamedTuple):
     """What robots that counter the drift of their measured positions expect of it.
 
-    E[θ | y] (n, 2, P), and the same of the standardised coefficients of their own errors (n, Q).
+    E[θ | y] (n, 2, P), and E[κ | y] (n, Q) of the standardised coefficients of the errors of the robots.
     """
 
     theta: FloatArray
