@@ -390,10 +390,11 @@ def _rejoin_table(tree: Branching, reach: float) -> str:
             f"<th>instead of it, from then to the {'next fix or the ' * again}end [m/s]</th>"
         )
     return f"""<h2>And fly the distance off, {title}</h2>
-<p>With whichever table, add to the velocity through the air of {legs} two velocities, in directions that stay
-those of the planned track at the fix: along it for what the position is <b>behind</b> the planned one,
-or against it for what it is <b>ahead</b>; and to the right for what it is <b>left</b> of the track, or to
-the left for what it is <b>right</b> of it. Each is in proportion to its distance. The sum gives heading and
+<p>With whichever table, add to the velocity through the air of {legs} two velocities. Their directions are
+of the planned track at the fix, whatever the heading of a leg: along it for what the position is
+<b>behind</b> the planned one, or against it for what it is <b>ahead</b>; and to the right for what it is
+<b>left</b> of the track, or to the left for what it is <b>right</b> of it. Each is in proportion to its
+distance. The sum gives heading and
 true airspeed; if the robot is not as fast or as slow as that, its nearest airspeed.</p>
 <table class="answers"><tr><th>distance</th>{columns}</tr>{rows}</table>
 """
