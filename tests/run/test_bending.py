@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -14,11 +15,12 @@ from coherent import STEPS, coherent_problem
 from pareto_ltl.planning.branching.cells import Cell
 from pareto_ltl.planning.branching.records import BranchFix
 from pareto_ltl.planning.evaluate import evaluate_path
+from pareto_ltl.planning.problem import Problem
 from pareto_ltl.run.branching import stage
 from pareto_ltl.run.branching.bending import bent_tree, bumps, within_airspeeds
-from pareto_ltl.run.branching.tree_search import Grower, Stem, Tree
+from pareto_ltl.run.branching.tree_search import SLOWER, Grower, Stem, Tree, expected_means
 from pareto_ltl.settings import BranchConfig, RobotConfig, SelectionConfig
-from pareto_ltl.simulation.tree_flights import TreeFlights
+from pareto_ltl.simulation.tree_flights import TreeFlights, whole_controls
 from pareto_ltl.support.arrays import length_of
 
 STEP, INF = 15, float("inf")
@@ -114,6 +116,57 @@ def test_the_outlook_of_a_trunk_is_lower_than_its_failure_without_a_fix(detour: 
     assert told < alone - 0.01
     assert told < blind <= alone
     assert stage.outlook(grower, path, replace(tree.fix, available=0.0)) == alone
+
+
+def test_slower_rests_have_the_same_positions_and_leave_airspeed(
+    detour: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    grower, path, tree = detour
+    stem, rest = tree.stem, path.u[STEP:]
+    found = grower.slower_rests(stem, tree.fix, Cell(), rest)
+    assert [len(one) for one in found] == [math.ceil(f * len(rest)) for f in SLOWER[: len(found)]]
+    assert found
+    for one in found:
+        x = expected_means(grower.problem, whole_controls(path.u, STEP, one))
+        k = np.linspace(STEP, len(path.x) - 1, len(one) + 1)
+        same = np.stack([np.interp(k, np.arange(len(path.x)), part) for part in path.x.T], axis=1)
+        assert x[STEP:] == pytest.approx(same, abs=1.0)  # [m]
+    fast = np.hypot(*rest.T).max()
+    assert all(np.hypot(*one.T).max() < fast for one in found)
+    monkeypatch.setattr(Problem, "horizon", len(path.u) + 1)
+    assert grower.slower_rests(stem, tree.fix, Cell(), rest) == []
+
+
+def test_the_way_to_use_a_fix_is_the_one_that_fails_least(detour: Any) -> None:
+    """With and without a counter to the drift; nothing is flown off if it does not pay."""
+    grower, path, tree = detour
+    alone = int(grower.fitted.failed(path.u).sum())
+    plain, countered = grower.rejoining(tree.stem, tree.fix)
+    assert plain.counter == 0.0 < countered.counter <= 1.0 / (STEP * ROBOT.dt) * (1 + 1e-9)
+    y, taken = grower.fitted.measured_along(path.u, tree.fix)
+    assert plain.rejoin > 0
+    assert int(grower.fitted.after(plain, y, taken).failed(path.u).sum()) < alone
+    assert grower.rejoining(tree.stem, replace(tree.fix, sd=1e6))[0].rejoin == 0
+    settings = SimpleNamespace(
+        **{**vars(grower.world.settings), "branch": BranchConfig(leaves=2, at=[0.4], rejoin=False)}
+    )
+    other = replace(grower, world=SimpleNamespace(settings=settings, problem=grower.problem))
+    assert other.rejoining(tree.stem, tree.fix) == [tree.fix]
+
+
+def test_a_tree_on_another_path_must_be_surely_better(detour: Any) -> None:
+    grower, _, tree = detour
+    few = tree.divisions[0].failed.copy()
+    few[np.flatnonzero(few)[:2]] = False
+    none = np.zeros_like(few)
+
+    def on_another(failed: np.ndarray) -> Tree:
+        return replace(tree, point=3, divisions=(replace(tree.divisions[0], failed=failed),))
+
+    assert grower.best_score(on_another(few)) < grower.best_score(tree)
+    assert grower.best_of([tree, on_another(few)]) is tree
+    assert grower.best_of([tree, on_another(none)]).point == 3
+    assert grower.gain(on_another(none), tree) > 2.0 > grower.gain(on_another(few), tree) > 0.0
 
 
 def test_a_second_time_is_tried_as_the_first_fix_only_if_the_first_does_not_pay(

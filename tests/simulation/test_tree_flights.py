@@ -17,6 +17,7 @@ from pareto_ltl.planning.branching.cells import Cell, Moments
 from pareto_ltl.planning.branching.records import TRUNK, BranchFix, Passed, cells_of
 from pareto_ltl.planning.conditioning import Fix, learn
 from pareto_ltl.planning.evaluate import propagate
+from pareto_ltl.run.branching.rest_problem import Countered
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.tree_flights import TreeFlights, fly_rests
 from pareto_ltl.support.arrays import square_matrices
@@ -70,6 +71,27 @@ def test_position_and_wind_in_a_cell_are_those_of_its_flights(sorted_flights, nu
     errors = kappa.mean + winds.flights.errors[rows] @ kappa.root.T
     spread = np.sqrt(np.diag(kappa.root @ kappa.root.T))
     assert (np.abs(errors.mean(axis=0) - learnt.errors) < (6 / math.sqrt(n) + 0.03) * spread).all()
+
+
+def test_what_is_countered_is_what_measured_positions_tell_of_wind_and_errors(sorted_flights) -> None:
+    """Less it, θ and κ of flights are uncorrelated with the measured positions, and vary as given them."""
+    problem, flight, winds, x, fix, _ = sorted_flights
+    passed = (Passed(fix, Cell()),)
+    prior = prior_at(problem, passed, flight.x)
+    y, _ = winds.measured(fix, x[:, STEP])
+    off = y - flight.x[STEP]
+    countered = Countered.of(prior, fix.sd, off)
+    theta = winds.flights.draws.theta[problem.modes.epoch[STEP]].astype(float)
+    unit = off / off.std(axis=0)
+    slack = 6 / math.sqrt(RUNS) + 0.02
+    assert np.abs(np.einsum("ni,ncm->icm", unit, theta) / RUNS).max() > 10 * slack  # it tells much
+    left = theta - countered.theta
+    assert np.abs(np.einsum("ni,ncm->icm", unit, left) / RUNS).max() < slack
+    assert np.abs(unit.T @ (winds.flights.errors - countered.errors) / RUNS).max() < slack
+    learnt = learnt_in_cell(prior, Moments(1.0, np.zeros(2), np.zeros((2, 2))), noise_of(passed))
+    assert left.var(axis=0) == pytest.approx(
+        1.0 - (learnt.told**2).sum(axis=0), abs=6 * math.sqrt(2 / RUNS) + 0.02
+    )
 
 
 @pytest.mark.parametrize("number", range(len(CELLS)))

@@ -274,15 +274,16 @@ def promising_trunks(grower: Grower, front: Front, own: int) -> list[int]:
 def outlook(grower: Grower, path: PlannedPath, fix: BranchFix) -> float:
     """Failure to expect of ``path`` with branches at ``fix``: with rests that return to it.
 
-    Each flight flies its deviation off. Where the setting does not have that, the mean of the flights in each
-    quadrant is steered back to the path, within the :data:`RETURNS` of the rest, or not at all, whichever
-    fails least.
+    Each flight flies its deviation off, or all go on, whichever fails less. Where the setting does not have
+    that, the mean of the flights in each quadrant is steered back to the path, within the :data:`RETURNS` of
+    the rest, or not at all, whichever fails least.
     """
     problem, winds, k = grower.problem, grower.fitted, fix.step
     if grower.world.settings.branch.rejoin:
         y, taken = winds.measured_along(path.u, fix)
         off = replace(fix, rejoin=max(round(REJOINED[1] * (len(path.u) - k)), 1))
-        return float(winds.after(off, y, taken).failed(path.u).mean())
+        ways = (winds, winds.after(off, y, taken))
+        return min(float(way.failed(path.u).mean()) for way in ways)
     x = winds.flown(path.u)
     failed = winds.flights.failed(x)
     y, taken = winds.measured(fix, x[:, k])

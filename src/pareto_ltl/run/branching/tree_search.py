@@ -270,8 +270,11 @@ class Grower:
     def slower_rests(self, stem: Stem, fix: BranchFix, cell: Cell, rest: FloatArray) -> list[FloatArray]:
         """``rest`` along the same positions in more steps, as far as they can be flown in ``cell``."""
         u = whole_controls(stem.u, fix.step, rest)
-        means, found, passed = expected_means(self.problem, u), [], stem.past(fix, cell)
-        told = Course.of(self.problem, stem.means).told(passed)
+        means, found, passed = expected_means(self.problem, u), list[FloatArray](), stem.past(fix, cell)
+        try:
+            told = Course.of(self.problem, stem.means).told(passed)
+        except ValueError:
+            return found
         for factor in SLOWER:
             steps = math.ceil(factor * len(rest))
             if fix.step + steps > self.problem.horizon:
@@ -323,11 +326,14 @@ class Grower:
         return best
 
     def gain(self, tree: Tree, than: Tree) -> float:
-        """How much lower the score of ``tree`` is, in standard errors of the failures in the same flights."""
+        """By how many standard errors the score of ``tree`` is lower, from pairs of the same flights.
+
+        It is if p + SMALL is below that of the other tree times (its length / the length)^saving.
+        """
         one, other = (min(t.divisions, key=lambda d: self.score(d.failure, d.length)) for t in (tree, than))
-        unlike = max(int((one.failed != other.failed).sum()), 1)
-        error = math.sqrt(unlike) / (len(one.failed) * (min(one.failure, other.failure) + SMALL))
-        return (self.score(other.failure, other.length) - self.score(one.failure, one.length)) / error
+        worth = (other.length / one.length) ** self.saving
+        pairs = worth * (other.failed + SMALL) - (one.failed + SMALL)
+        return float(pairs.mean() / max(pairs.std() / math.sqrt(len(pairs)), 1e-12))
 
     def rests_in(self, stem: Stem, fix: BranchFix, cell: Cell) -> list[FloatArray]:
         """Controls of rests that few of the flights in ``cell`` fail with."""
