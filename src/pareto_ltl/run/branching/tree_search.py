@@ -328,7 +328,7 @@ class Grower:
     def gain(self, tree: Tree, than: Tree) -> float:
         """By how many standard errors the score of ``tree`` is lower, from pairs of the same flights.
 
-        It is if p + SMALL is below that of the other tree times (its length / the length)^saving.
+        It is lower if p + SMALL is less than the other p + SMALL times (other length / length)^saving.
         """
         one, other = (min(t.divisions, key=lambda d: self.score(d.failure, d.length)) for t in (tree, than))
         worth = (other.length / one.length) ** self.saving
