@@ -279,7 +279,8 @@ def branch_controls(
             break
         branch = then.branches[int(then.chosen(y)[0])]
         u, x = np.concatenate([u[:k], branch.path.u]), np.concatenate([x[:k], branch.path.x])
-        u = rejoining(wind.problem, then, fix.changes(y[0], wind.problem.motion.dt), u)
+        if fix.rejoin:
+            u = rejoining(wind.problem, then, fix.changes(y[0], wind.problem.motion.dt), u)
         taken, then = taken + 1, branch.then
     return u, x, taken
 

@@ -88,7 +88,7 @@ class Rest:
             start=x - problem.scene.start, draws=draws,
         )  # fmt: skip
 
-    def _whitened(self, winds: DrawnFlights, countered: Countered | None) -> Float32Array:
+    def _whitened(self, winds: DrawnFlights, countered: Countered | None = None) -> Float32Array:
         """θ in the modes of the conditioned wind: (I - R B' B R)^-½ (θ - R m) in each epoch.
 
         m is what is learnt, and of each flight what is countered.
