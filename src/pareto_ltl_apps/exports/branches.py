@@ -341,10 +341,9 @@ def _beside(tree: Branching, ends: FloatArray, reach: float) -> str:
 
 def _by_hand(frame: Frame, tree: Branching) -> str:
     """How to get the two distances from a latitude and a longitude, near the planned position."""
-    place, reach = tree.fix.place, 1000.0
-    lon, lat = (float(part[0]) for part in frame.to_geographic(place[None]))
+    lon, lat = (float(part[0]) for part in frame.to_geographic(tree.fix.place[None]))
     beside = frame.to_plane(np.array([lon, lon + 0.1]), np.array([lat + 0.1, lat]))
-    (ahead_lat, left_lat), (ahead_lon, left_lon) = tree.fix.distances(beside) / (0.1 * reach)
+    (ahead_lat, left_lat), (ahead_lon, left_lon) = tree.fix.distances(beside) / 100.0  # km for a degree
 
     def sum_of(north: float, east: float) -> str:
         return f"{north:.1f} N {'+' if east >= 0.0 else '-'} {abs(east):.1f} E"
@@ -394,8 +393,8 @@ def _rejoin_table(tree: Branching, reach: float) -> str:
 of the planned track at the fix, whatever the heading of a leg: along it for what the position is
 <b>behind</b> the planned one, or against it for what it is <b>ahead</b>; and to the right for what it is
 <b>left</b> of the track, or to the left for what it is <b>right</b> of it. Each is in proportion to its
-distance. The sum gives heading and
-true airspeed; if the robot is not as fast or as slow as that, its nearest airspeed.</p>
+distance. The sum gives heading and true airspeed; if the robot is not as fast or as slow as that, its nearest
+airspeed.</p>
 <table class="answers"><tr><th>distance</th>{columns}</tr>{rows}</table>
 """
 

@@ -33,10 +33,8 @@ def selected_branch(plan: Plan, time: float, place: FloatArray) -> tuple[Branch,
 
 def rejoining(problem: Problem, tree: Branching, changes: Changes, u: FloatArray) -> FloatArray:
     """The controls ``u`` (T, 2) [m/s] with ``changes`` after the fix of ``tree``, within the airspeeds."""
-    fix = tree.fix
-    if not fix.rejoin:
-        return u
-    motion, changed, end = problem.motion, u.copy(), fix.step + fix.rejoin
+    fix, motion, changed = tree.fix, problem.motion, u.copy()
+    end = fix.step + fix.rejoin
     for steps, change in zip((slice(fix.step, end), slice(end, None)), changes, strict=True):
         if not change.any():
             continue

@@ -97,18 +97,17 @@ def _fix(event: Event) -> str:
     )
 
 
+def _velocity(east: float, north: float) -> str:
+    return f"{math.hypot(east, north):.1f} m/s towards {math.degrees(math.atan2(east, north)) % 360.0:03.0f}°"
+
+
 def _branch(event: Event) -> str:
     added = ""
     if "change" in event:
-        east, north = event["change"]
-        added = (
-            f", for {event['seconds'] / 60.0:.0f} min with {math.hypot(east, north):.1f} m/s towards "
-            f"{math.degrees(math.atan2(east, north)) % 360.0:03.0f}° added to its velocities through the air"
-        )
+        minutes, velocity = event["seconds"] / 60.0, _velocity(*event["change"])
+        added = f", for {minutes:.0f} min with {velocity} added to its velocities through the air"
     if "later" in event:
-        east, north = event["later"]
-        towards = math.degrees(math.atan2(east, north)) % 360.0
-        added += f", from then on with {math.hypot(east, north):.1f} m/s towards {towards:03.0f}°"
+        added += f", from then on with {_velocity(*event['later'])}"
     return (
         f"BRANCH {event['name']}: the measured position is {event['where']}; fly "
         f"branch_{event['name']}.csv from here on{added} (of simulated flights that flew it, "

@@ -22,6 +22,7 @@ from numpy.random import SeedSequence
 from pareto_ltl.planning.branching.belief import Course, learnt_in_cell, noise_of, prior_at
 from pareto_ltl.planning.branching.cells import EVERYWHERE, Cell, Ends, Moments
 from pareto_ltl.planning.branching.records import TRUNK, BranchFix, Passed, cells_of
+from pareto_ltl.planning.conditioning import Learnt
 from pareto_ltl.planning.evaluate import propagate, propagate_controls
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import PlannedPath
@@ -265,7 +266,7 @@ class Grower:
         elapsed = (fix.step - since) * self.problem.motion.dt
         plain = [replace(fix, rejoin=n) for n in (0, *steps)]
         countered = [replace(fix, rejoin=n, counter=c / elapsed) for n in steps for c in COUNTERED]
-        return [min(ways, key=fewest) for ways in (plain, countered) if ways]
+        return [min(ways, key=fewest) for ways in (plain, countered)]
 
     def slower_rests(self, stem: Stem, fix: BranchFix, cell: Cell, rest: FloatArray) -> list[FloatArray]:
         """``rest`` along the same positions in more steps, as far as they can be flown in ``cell``."""
@@ -283,12 +284,12 @@ class Grower:
             slow = np.stack([np.interp(at, np.arange(len(means)), x) for x in means.T], axis=1)
             whole = np.ascontiguousarray(np.vstack([means[: fix.step], slow]))
             one = propagate(self.problem, whole, unaided(self.problem.world.law)).u[fix.step :]
-            if self.within_airspeeds(one) and self.can_be_flown(stem, passed, told, one):
+            if self.has_airspeeds(one) and self.can_be_flown(stem, passed, told, one):
                 found.append(np.ascontiguousarray(one))
         return found
 
-    def within_airspeeds(self, u: FloatArray) -> bool:
-        """Whether the robot can fly the controls ``u`` (T, 2) [m/s]."""
+    def has_airspeeds(self, u: FloatArray) -> bool:
+        """Whether the robot has the airspeeds of the controls ``u`` (T, 2) [m/s]."""
         speed, motion = np.hypot(*u.T), self.problem.motion
         return bool((speed >= motion.u_min).all() and (speed <= motion.u_max).all())
 
@@ -313,9 +314,14 @@ class Grower:
         more = (self.divided(table, number) for number in range(2, self.leaves + 1))
         return Tree(stem, fix, tuple(rests), (first, *more), table, alone, single)
 
+    def best_division(self, tree: Tree) -> Division:
+        """The division of ``tree`` with the best score, of any number of branches."""
+        return min(tree.divisions, key=lambda one: self.score(one.failure, one.length))
+
     def best_score(self, tree: Tree) -> float:
         """The best score of ``tree`` with any number of branches."""
-        return min(self.score(one.failure, one.length) for one in tree.divisions)
+        best = self.best_division(tree)
+        return self.score(best.failure, best.length)
 
     def best_of(self, trees: Sequence[Tree]) -> Tree:
         """The best of ``trees``; one on another path than the first one only if it is surely better."""
@@ -330,7 +336,7 @@ class Grower:
 
         It is lower if p + SMALL is less than the other p + SMALL times (other length / length)^saving.
         """
-        one, other = (min(t.divisions, key=lambda d: self.score(d.failure, d.length)) for t in (tree, than))
+        one, other = self.best_division(tree), self.best_division(than)
         worth = (other.length / one.length) ** self.saving
         pairs = worth * (other.failed + SMALL) - (one.failed + SMALL)
         return float(pairs.mean() / max(pairs.std() / math.sqrt(len(pairs)), 1e-12))
@@ -348,20 +354,14 @@ class Grower:
             told = Course.of(self.problem, stem.means).told(passed)
         except ValueError:
             return []
-        learnt = learnt_in_cell(prior_at(self.problem, passed, stem.means), told, noise_of(passed))
-        state = np.array([self.problem.states(flight)[-1] for flight in x[rows]])
-        here = x[:, -1]
-        countered, reserve = None, 0.0
-        if fix.counter:  # the rest is searched for as if what is expected of the wind were countered
-            prior = prior_at(self.problem, passed[-1:], stem.means)
-            countered = Countered.of(prior, fix.sd, y - stem.means[k])
-            point = Moments(told.share, np.zeros(2), np.zeros((2, 2)))
-            learnt = learnt_in_cell(prior, point, noise_of(passed[-1:]))
+        learnt, countered = self.searched_law(stem, passed, told, y)
+        inside, here, reserve = after.only(rows), x[:, -1], 0.0
+        if fix.rejoin:  # the deviation is gone at once
+            here = here - (y - fix.place)
+        if fix.counter:
             added = np.hypot(*fix.changes(y[rows], self.problem.motion.dt)[1].T)
             reserve = float(np.quantile(added, RESERVED))
-        if fix.rejoin:  # and as if the deviation were flown off at once
-            here = here - (y - fix.place)
-            learnt = learnt.at_place(fix.place, fix.sd)
+        state = np.array([self.problem.states(flight)[-1] for flight in x[rows]])
         found: list[tuple[float, FloatArray]] = []
         for q in self.open_states(state):
             own = rows[state == q]
@@ -373,13 +373,30 @@ class Grower:
             except (InfeasibleError, DataError) as error:
                 LOG.info("no rest of the flight %s: %s", cell.words, error)
                 continue
-            found += [(self.worth_of(after.only(rows), stem, k, path.u), path.u) for path in paths]
+            found += [(self.worth_of(inside, stem, k, path.u), path.u) for path in paths]
         found.sort(key=lambda pair: pair[0])
         if fix.rejoin and found:
             slow = self.slower_rests(stem, fix, cell, found[0][1])
-            found += [(self.worth_of(after.only(rows), stem, k, u), u) for u in slow]
+            found += [(self.worth_of(inside, stem, k, u), u) for u in slow]
             found.sort(key=lambda pair: pair[0])
         return [u for _, u in found[:RESTS] if self.can_be_flown(stem, passed, told, u)]
+
+    def searched_law(
+        self, stem: Stem, passed: tuple[Passed, ...], told: Moments, y: FloatArray
+    ) -> tuple[Learnt, Countered | None]:
+        """The law in which a rest is searched for, and what flights at the measured ``y`` (n, 2) [m] counter.
+
+        As if the deviation were flown off at once, and what is expected of the wind were countered, as far as
+        the last fix has that.
+        """
+        fix, countered, last = passed[-1].fix, None, passed
+        if fix.counter:
+            last, told = passed[-1:], Moments(told.share, np.zeros(2), np.zeros((2, 2)))
+        prior = prior_at(self.problem, last, stem.means)
+        if fix.counter:
+            countered = Countered.of(prior, fix.sd, y - stem.means[fix.step])
+        learnt = learnt_in_cell(prior, told, noise_of(last))
+        return (learnt.at_place(fix.place, fix.sd) if fix.rejoin else learnt), countered
 
     def worth_of(self, winds: TreeFlights, stem: Stem, step: int, rest: FloatArray) -> float:
         """The score of one rest for the flights of a cell."""
