@@ -36,8 +36,8 @@ def honest_results(place: Path) -> dict[str, Path]:
     The latter flies a short path of the front: where hardly any flight fails, no lie about failures is one.
     """
     forecast = {
-        "source": "csv", "path": str(_forecasts(place / "forecasts.csv")), "hold_last": True,
-        "forecast_error": str(_law(place / "law.json")),
+        "source": "csv", "path": str(forecasts(place / "forecasts.csv")), "hold_last": True,
+        "forecast_error": str(light_law(place / "law.json")),
     }  # fmt: skip
     turning = {"bank": 20.0, "turn_delay": 30.0}
     risky = {"rule": "threshold", "alpha": 0.06}
@@ -47,7 +47,7 @@ def honest_results(place: Path) -> dict[str, Path]:
     return {preset: place / preset for preset in PRESETS}
 
 
-def _law(path: Path) -> Path:
+def light_law(path: Path) -> Path:
     """A law of forecast errors for such winds."""
     law = law_of_parts_named("gfs")
     light = replace(law.shared(SHARE**2), name="light", change_sd=SHARE * law.change_sd)
@@ -55,7 +55,7 @@ def _law(path: Path) -> Path:
     return path
 
 
-def _forecasts(path: Path, hours: float = 18.0, start: float = 3.0) -> Path:
+def forecasts(path: Path, hours: float = 18.0, start: float = 3.0) -> Path:
     """Lighter packaged winds: analyses up to the start of a cycle ``start`` hours after the first time."""
     with SAMPLE_WINDS.open(newline="") as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
