@@ -41,7 +41,9 @@ SETTINGS = WatchSettings(every=30.0, members=50, alarm=1.0)
 AUTOPILOT, GIMBAL, COMPANION, OTHER = (7, 1), (7, 154), (7, 191), (9, 1)
 FIX_SD, FIX_TIMES = 80.0, (150, 400)
 OUTSIDE = math.sqrt(-2.0 * math.log(0.01))  # standard deviations of the 99 % ellipse
-SAME = 0.1  # [sd] by which both estimates may differ without any effect of the faults
+# By which both estimates may differ without any effect of the faults [sd]: the standard error of the distance
+# at the ellipse, whose axes come from so many members, which a fault makes others.
+SAME = OUTSIDE / math.sqrt(2.0 * SETTINGS.members)
 SENDS = ("wind", "heading", "speed", "position")
 WIND, POSITION, SPEED, HEADING = 43004, 43003, 43000, 43002
 

@@ -78,7 +78,7 @@ def missions(place: Path) -> dict[str, Mission]:
                                    "costs": ["turns", "duration"]}}),
         "level": ("phi1", "F a", {"robot": ROBOT | {"air_temperature": 5.0, "level": "10m"},
                                   "selection": CHOICE | {"rule": "length", "length": 1.3e6}}),
-        "rbf": ("phi1", "F a", {"wind": WIND | {"kernel": "rbf", "rho": 0.5, "energy": 0.9},
+        "matern": ("phi1", "F a", {"wind": WIND | {"kernel": "matern32", "rho": 0.5, "energy": 0.9},
                                 "smoothing": PLAIN["smoothing"] | {"weights": [1.0, 100.0], "rounds": 2}}),
         "forecast": ("phi1", "F a", {"wind": WIND | forecast} | JUDGED),
         "branches": ("phi1", PHI1, {"branch": {"leaves": 2, "at": [8.0]}} | JUDGED),

@@ -42,6 +42,7 @@ SPANS = (1, 3, 10, 30)  # steps
 RAY = np.append(np.arange(0.0, 9.01, 0.25), np.arange(10.0, 25.0))  # lengths at which flights are tried
 ALIKE = 0.95  # correlation of directions of which one is enough
 FARTHEST = 8.0  # [standard deviations] thresholds beyond it are left out
+DEEPEST = 37.0  # [standard deviations] to which draws are pushed: the probability of more is no normal float
 MOST = 60  # half-spaces, the nearest
 FEW = (2_000, 3_000)  # flights of the rounds that show where failures come from
 RUNS = 10_000  # flights that the rate is taken from
@@ -284,21 +285,21 @@ def weighted_flights(
         numbers = ScaleDraws(n, rng.spawn(1)[0])
         scale = drawn_scales(law, n, numbers).typical(n)
         z = rng.standard_normal((n, mixture.directions.shape[1]))
-        came = _pushed(mixture, z, scale, rng)
+        came = pushed(mixture, z, scale, rng)
         ratio = PLAIN + came.sum(axis=1)
         failed = ground.failed(fly(law, x, u, n, Stored(z, Again(numbers.drawn))))
         yield np.where(failed, numbers.weight / ratio, 0.0), came / ratio[:, None]
 
 
-def _pushed(mixture: Mixture, z: FloatArray, scale: FloatArray, rng: Generator) -> FloatArray:
+def pushed(mixture: Mixture, z: FloatArray, scale: FloatArray, rng: Generator) -> FloatArray:
     """Push draws ``z`` (n, D) in place, each into the half-space of its component, at its ``scale`` (n,).
 
     Returned is what each component adds to the ratio q/φ at the draws, (n, C).
     """
     share = np.append(mixture.share, PLAIN)
     component = rng.choice(len(share), size=len(z), p=share / share.sum())
-    uniform, reach = 1.0 - rng.random(len(z)), mixture.reach / scale[:, None]
-    chance = np.maximum(ndtr(-reach), np.finfo(float).tiny)
+    uniform, reach = 1.0 - rng.random(len(z)), np.minimum(mixture.reach / scale[:, None], DEEPEST)
+    chance = ndtr(-reach)
     for k in np.flatnonzero(component < len(mixture.share)).tolist():
         c = component[k]
         omega = mixture.directions[mixture.which[c]]

@@ -90,7 +90,7 @@ def test_prices_of_segments_add_up_to_those_of_barriers(planned):
 def binding(planned):
     """A programme in which airspeed, length and the lines of the obstacle bind."""
     problem, path, positions = planned
-    tight = 0.6 * float(separation(problem, propagate(problem, path.x)).risk.max())
+    tight = 0.3 * float(separation(problem, propagate(problem, path.x)).risk.max())
     refiner = Refiner(replace(problem, epsilon=tight), margin_model(problem))
     off = np.ascontiguousarray(np.moveaxis(positions - path.x, 0, 2))
     model, _ = refiner.slope(path.x, off, 300.0, len(positions))

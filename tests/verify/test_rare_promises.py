@@ -20,7 +20,16 @@ from pareto_ltl_verify.claims.plan import WEIGHTED
 from pareto_ltl_verify.evidence import BATCH, Evidence, open_evidence
 from pareto_ltl_verify.flights import RARE, fly, same_rate
 from pareto_ltl_verify.laws import fly_means
-from pareto_ltl_verify.rare import LARGEST, Barrier, Stored, direction, least_rate
+from pareto_ltl_verify.rare import (
+    LARGEST,
+    PLAIN,
+    Barrier,
+    Mixture,
+    Stored,
+    direction,
+    least_rate,
+    pushed,
+)
 from pareto_ltl_verify.tails import UnitScales
 
 
@@ -147,6 +156,21 @@ def test_least_rates_are_the_lower_ends_of_intervals() -> None:
     assert least_rate(hits, 0.025) == pytest.approx(4.12e-3, rel=0.02)  # Clopper-Pearson
     assert least_rate(np.zeros(10), 0.025) == 0.0
     assert least_rate(0.1 * hits, 0.025) == pytest.approx(0.1 * least_rate(hits, 0.025))
+
+
+@pytest.mark.parametrize("scale", [3.0, 1.0, 0.3, 0.02])
+def test_the_weights_of_all_pushed_flights_have_the_mean_one(scale: float) -> None:
+    """Also where errors are so small that the probability of a half-space is no float any more."""
+    n, omega = 40_000, np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0]])
+    which, reach = np.array([0, 1, 1]), np.array([2.0, 3.0, 1.5])
+    mixture = Mixture(omega, which, reach, np.full(3, (1.0 - PLAIN) / 3.0))
+    rng = np.random.default_rng(4)
+    z = rng.standard_normal((n, 3))
+    weight = 1.0 / (PLAIN + pushed(mixture, z, np.full(n, scale), rng).sum(axis=1))
+    assert weight.max() <= 1.0 / PLAIN
+    assert weight.mean() == pytest.approx(1.0, abs=5.0 * weight.std() / math.sqrt(n))
+    off = z * weight[:, None]
+    assert (np.abs(off.mean(axis=0)) <= 5.0 * off.std(axis=0) / math.sqrt(n)).all()
 
 
 def test_stored_numbers_are_given_in_order_and_once() -> None:
