@@ -186,13 +186,9 @@ class Plans:
         return Path(state["directory"])
 
     def require_front(self, name: str) -> Path:
-        """The directory of a plan whose front is made, also if the plan is still being checked."""
+        """The directory of a plan whose front is made, also if it is still checked or was cancelled since."""
         job = self.jobs.get(name)
-        made = (
-            job is not None
-            and job.status == "running"
-            and any(e.get("source") == "front" for e in job.events)
-        )
+        made = job is not None and any(event.get("source") == "front" for event in job.events)
         return self.folder.plan_place(name) if made else self.require_done(name)
 
     async def follow(self, name: str) -> AsyncIterator[dict[str, Any]]:
