@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from levels import AT_NIGHT, BY_DAY, SAMPLE, SAMPLE_SECONDS, left_out, of_this_level
+from levels import AT_NIGHT, BY_DAY, SAMPLE, SAMPLE_SECONDS, UNCOMPILED, left_out, of_this_level
 
 # Tests start hundreds of processes, which would else compile the same modules again and again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -28,7 +28,6 @@ for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SI
 
 BEGAN = time.monotonic()
 MODULES = 20  # of the longest ones that are shown
-UNCOMPILED = bool(os.environ.get("NUMBA_DISABLE_JIT"))  # which `.ci/run` tries by day alone
 examples = 100 if AT_NIGHT else 10 if BY_DAY and not UNCOMPILED else 25
 settings.register_profile("house", deadline=None, derandomize=True, database=None, max_examples=examples)
 settings.load_profile("house")

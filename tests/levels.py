@@ -118,6 +118,7 @@ NOT_BY_DAY = [
     "run/test_rejoin",
     "run/test_replan_inputs",
     "run/test_replanning",
+    "run/test_second_branches",
     "run/test_steering",
     "run/test_vehicles",
     "run/test_warmup",
@@ -171,7 +172,7 @@ NOT_BY_DAY = [
 ]
 IN_EVERY_PART = ["test_golden", "verify/test_verify"]  # the plans of the paper, and the checker of every plan
 SECONDS = {  # of the longest modules of two processes on two cores, so that parts take equally long
-    "run/test_branches": 170, "run/test_rejoin": 60, "serve/test_desk_browser": 80, "serve/test_desk_api": 87,
+    "run/test_branches": 60, "run/test_rejoin": 87, "serve/test_desk_browser": 80, "serve/test_desk_api": 87,
     "run/test_faults": 72, "cli/test_hydra_app": 72, "run/test_whole_jobs": 52,
     "run/test_replan_inputs": 60, "studies/test_sweeps": 60,
     "run/test_nothing_received_acts": 61, "wind/test_sources": 59, "kernels/test_code_cache": 56,
@@ -183,6 +184,7 @@ USUAL_SECONDS = 15  # of a module that is not by day
 ONLY_AT_NIGHT = [
     "planning/test_uncompiled_plans",
     "run/test_documents",
+    "run/test_second_branches",  # two and a half minutes; its files and claims are met in test_rejoin
     "studies/test_sweep_slurm",  # needs four packages of Debian; the same sweep runs with submitit before
     "test_machine_code_wheel",
 ]
@@ -275,6 +277,42 @@ FEWER: dict[str, tuple[int, str]] = {
     "run/test_whole_jobs::test_the_current_of_rtofs_is_sailed": (
         0, "wind/test_live_models reads these files, and the current of HYCOM is sailed there",
     ),
+    "inflight/test_command::test_a_killed_process_is_resumed": (
+        0, "15 s: a watch is resumed from its journal in run/test_branches",
+    ),
+    "run/test_branches::test_a_fix_that_says_nothing_gives_no_branches": (
+        0, "15 s: a plan stays as it is where branches change nothing, simulation/test_tree_flights",
+    ),
+    "run/test_faults::test_a_sweep_that_was_killed_at_any_moment_is_finished_by_the_same_command": (
+        0, "26 s: a killed run is made again there, and studies/test_sweeps kills jobs of a sweep",
+    ),
+    "run/test_whole_jobs::"
+    "test_zones_to_which_a_kmz_links_are_avoided_and_a_change_of_them_is_noticed": (
+        0, "22 s: links of KMZ files are read in world/test_map_kml, and airspace is avoided there",
+    ),
+    "studies/test_dask::test_a_sweep_on_a_cluster_has_the_table_of_one_without": (
+        0, "16 s: parts of studies run on a cluster there, and sweeps run with three other launchers",
+    ),
+    "studies/test_forecast_test::test_a_forecast_test_of_real_fields_from_the_command_line": (
+        0, "12 s: its table and figure are tested there, a study from the command line in studies/test_study_runs",
+    ),
+    "studies/test_hindcast::test_a_hindcast_of_real_fields_from_the_command_line": (
+        0, "19 s: missions and fields are tested there, a study from the command line in studies/test_study_runs",
+    ),
+    "studies/test_sweeps::test_a_job_that_kills_its_process_every_time_is_given_up_and_the_others_are_done": (
+        0, "12 s: the queue gives such a job up in the tests there that start no process",
+    ),
+    "studies/test_sweeps::test_a_sweep_that_is_asked_to_end_ends_its_jobs_and_goes_on_later": (
+        0, "12 s: a run that is asked to end is tested in cli/test_hydra_app",
+    ),
+    "studies/test_study_runs::test_a_killed_run_goes_on_and_ends_as_if_it_had_not_been_stopped": (
+        0, "11 s: parts that are done are not done again in studies/test_parts",
+    ),
+    "verify/test_far_barriers::"
+    "test_the_order_of_far_barriers_is_no_claim_and_a_near_one_cannot_be_called_far": (
+        0, "24 s: the closest barrier and its distance are among the lies of verify/test_verify",
+    ),
+    "verify/test_verify::test_a_promise_of_few_flights_holds": (1, "12 s each, of 20 and 300 flights"),
     "serve/test_desk_browser::test_random_clicks_leave_no_error": (
         2, "10 s each: wide without a plan, and narrow with one; the night has a hundred",
     ),
@@ -282,6 +320,14 @@ FEWER: dict[str, tuple[int, str]] = {
         3, "six orders of the same three words, half a second of composition each",
     ),
 }  # fmt: skip
+
+
+# Tests that say the same of kernels that run as Python, for most of the time of these: many flights.
+NOT_UNCOMPILED = [
+    "kernels/test_path::test_correlations_between_steps_are_those_of_linear_flights",
+    "kernels/test_letters::test_v_bounds_the_flights_that_meet_a_forbidden_strip",
+]
+UNCOMPILED = bool(os.environ.get("NUMBA_DISABLE_JIT"))  # which `.ci/run` tries by day alone
 
 
 def left_out(path: Path) -> bool:
@@ -320,6 +366,8 @@ def of_this_level(items: Sequence[pytest.Item]) -> list[pytest.Item]:
         return list(items)
     night = _left_to_night(items)
     chosen = [item for item in items if item not in night]
+    if UNCOMPILED:
+        chosen = [item for item in chosen if not _listed_test(item, NOT_UNCOMPILED)]
     return [
         item
         for item in chosen

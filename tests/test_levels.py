@@ -17,6 +17,7 @@ from levels import (
     FEWER,
     IN_EVERY_PART,
     NOT_BY_DAY,
+    NOT_UNCOMPILED,
     SECONDS,
     USUAL_SECONDS,
     drawn,
@@ -207,7 +208,7 @@ def test_modules_of_a_sample_come_in_a_drawn_order_each_in_its_own() -> None:
     )
 
 
-@pytest.mark.parametrize("name", [*FEWER, *(name for name in NOT_BY_DAY if "::" in name)])
+@pytest.mark.parametrize("name", [*FEWER, *NOT_UNCOMPILED, *(name for name in NOT_BY_DAY if "::" in name)])
 def test_tests_that_are_named_exist(name: str) -> None:
     module, _, test = name.partition("::")
     source = (HERE.parent / module).with_suffix(".py").read_text(encoding="utf-8")
