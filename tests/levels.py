@@ -294,10 +294,10 @@ FEWER: dict[str, tuple[int, str]] = {
         0, "16 s: parts of studies run on a cluster there, and sweeps run with three other launchers",
     ),
     "studies/test_forecast_test::test_a_forecast_test_of_real_fields_from_the_command_line": (
-        0, "12 s: its table and figure are tested there, a study from the command line in studies/test_study_runs",
+        0, "12 s: its table and figure are tested there, the command in studies/test_study_runs",
     ),
     "studies/test_hindcast::test_a_hindcast_of_real_fields_from_the_command_line": (
-        0, "19 s: missions and fields are tested there, a study from the command line in studies/test_study_runs",
+        0, "19 s: missions and fields are tested there, the command in studies/test_study_runs",
     ),
     "studies/test_sweeps::test_a_job_that_kills_its_process_every_time_is_given_up_and_the_others_are_done": (
         0, "12 s: the queue gives such a job up in the tests there that start no process",
