@@ -115,6 +115,7 @@ NOT_BY_DAY = [
     "run/test_objects_compose",
     "run/test_pipeline::test_where_refinement_finds_nothing_that_can_be_flown_the_paths_of_the_trees_stay",
     "run/test_received_results",
+    "run/test_recorded_branches",
     "run/test_rejoin",
     "run/test_replan_inputs",
     "run/test_replanning",

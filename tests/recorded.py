@@ -22,13 +22,15 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from threadpoolctl import threadpool_info
 
+import golden
 import pareto_ltl
-from golden import fingerprint
 from honest_results import forecasts, light_law
 from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml
 from small_plans import BEACONS, COMMON, PHI1
+from wind_files import ensemble
 
 KEPT = Path(__file__).with_name("recorded.json")
 CLOSE = 1e-6  # relative to the sum of what is summed
@@ -40,6 +42,8 @@ WING = {"kind": "wing", "base": 50.0, "drag": 0.02, "lift": 1000.0, "capacity": 
 TABLE = {"kind": "table", "points": [[0, 450], [5, 400], [15, 300], [30, 900]]}
 ROTOR = {"kind": "rotor", "base": 50.0, "blade": 100.0, "lifting": 200.0, "drag": 0.01}
 PHI2 = read_yaml(choice_file("mission", "phi2"))["formula"]
+LONG = ("branches",)
+REPLANNED = {"forecast": 4, "errors": 3}  # at which step
 Mission = tuple[str | dict[str, Any], str | dict[str, Any], dict[str, Any]]
 
 
@@ -81,6 +85,14 @@ def missions(place: Path) -> dict[str, Mission]:
         "matern": ("phi1", "F a", {"wind": WIND | {"kernel": "matern32", "rho": 0.5, "energy": 0.9},
                                 "smoothing": PLAIN["smoothing"] | {"weights": [1.0, 100.0], "rounds": 2}}),
         "forecast": ("phi1", "F a", {"wind": WIND | forecast} | JUDGED),
+        "held": ("phi1", PHI1, {
+            "wind": WIND | forecast | {"path": str(forecasts(place / "short.csv", 6.0)), "max_gap": 40.0},
+            "planner": PLANNER | {"epsilon": 1e-4}} | JUDGED),
+        "ensemble": ("phi1", "F a", {
+            "wind": WIND | {"source": "ensemble", "path": str(ensemble(place / "members.nc"))}
+            | {"hold_last": True, "max_gap": 40.0}} | JUDGED),
+        "rare": ("phi1", "F a", {"robot": ROBOT | {"feedback_time": 400.0},
+                                 "selection": CHOICE | {"draws": 400, "runs": 2000}} | JUDGED),
         "branches": ("phi1", PHI1, {"branch": {"leaves": 2, "at": [8.0]}} | JUDGED),
         "random": (_phi1(obstacles=[], random={"seed": 3, "obstacles": 8, "radius": [0.03, 0.08]}), PHI1, {}),
         "knee": ("phi1", PHI1, {"selection": CHOICE | {"rule": "knee"},
@@ -90,11 +102,25 @@ def missions(place: Path) -> dict[str, Mission]:
     }  # fmt: skip
 
 
+def made_by() -> dict[str, str]:
+    """Properties that affect the last bits of a result, and through them the end of a search."""
+    return golden.fingerprint() | {"threads": str(max(pool["num_threads"] for pool in threadpool_info()))}
+
+
 def found(name: str, place: Path) -> dict[str, list[Any]]:
-    """What the results directory of a mission states, by file and key: size and sums, or texts."""
+    """What the results directory of a mission states, by file and key: size and sums, or texts.
+
+    Of :data:`REPLANNED` that of the rest of the mission too, after a position fix.
+    """
     scene, formula, changes = missions(place)[name]
-    pareto_ltl.plan(scene, formula, out=place / name, **(PLAIN | changes))
-    return stated(place / name)
+    run = pareto_ltl.plan(scene, formula, out=place / name, **(PLAIN | changes))
+    values = stated(place / name)
+    if name in REPLANNED:
+        lon, lat = run.scene.frame.to_geographic(run.plan.path.x[[REPLANNED[name]]] + 4000.0)
+        hours = f"{REPLANNED[name]}h"
+        pareto_ltl.replan(place / name, hours, (float(lat[0]), float(lon[0]), 500.0), out=place / "rest")
+        values |= {f"rest/{key}": value for key, value in stated(place / "rest").items()}
+    return values
 
 
 def kept() -> dict[str, Any]:
@@ -185,7 +211,7 @@ def main(names: list[str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         chosen = names or list(missions(Path(folder)))
         record = kept() if names else {"cases": {}}
-        record["fingerprint"] = fingerprint()
+        record["fingerprint"] = made_by()
         for name in chosen:
             record["cases"][name] = found(name, Path(folder))
     lines = (
