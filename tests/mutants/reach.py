@@ -96,7 +96,8 @@ def record_of(folder: str, uncompiled: bool) -> Path:
 def _made_of(folder: str) -> str:
     """Checksum of the sources and of the tests of a folder."""
     digest = hashlib.sha256()
-    for file in sorted([*SOURCE.rglob("*.py"), *(ROOT / "tests" / folder).rglob("*.py")]):
+    tests = ROOT / "tests" / folder
+    for file in sorted([*SOURCE.rglob("*.py"), *(tests.rglob("*.py") if tests.is_dir() else [tests])]):
         digest.update(f"{file.relative_to(ROOT)}\0".encode() + file.read_bytes())
     return digest.hexdigest()
 

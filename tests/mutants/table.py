@@ -7,9 +7,9 @@ from pathlib import Path
 SOURCE = Path(__file__).parents[2] / "src"
 PACKAGES = ("pareto_ltl", "pareto_ltl_apps/formats")  # what plans depend on
 UNCOMPILED = ("pareto_ltl.kernels",)  # judged by tests that run without compilation
-FOLDERS = (  # of tests, which run compiled kernels
+FOLDERS = (  # of tests, and modules beside them, which run compiled kernels
     "logic", "planning", "run", "settings", "simulation", "support", "wind", "world", "kernels", "exports",
-    "inflight", "preflight", "report", "studies", "verify",
+    "inflight", "preflight", "report", "studies", "verify", "test_docs.py",
 )  # fmt: skip
 UNCOMPILED_FOLDERS = ("kernels",)
 UNCOMPILED_SETTINGS = {"NUMBA_DISABLE_JIT": "1", "PARETO_LTL_TESTS": "day"}  # others take hours as Python

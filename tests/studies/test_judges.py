@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -99,6 +100,20 @@ def test_right_forecasts_keep_the_promise_and_wrong_ones_break_it(tmp_path: Path
     assert right["failure"] <= right["promised"]["simulated_coherent"] + 0.05
     assert wrong["failure"] > 0.9
     assert right["miss_m"] < right["sd_m"] < wrong["miss_m"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "hours"),
+    [
+        ({"delay": 6.0, "known": "departure"}, 6.0),
+        ({"delay": 6.0, "delay_most": 18.0, "known": "departure"}, 18.0),
+        ({"delay": 6.0, "delay_most": 18.0, "known": "all"}, 0.0),
+    ],
+)
+def test_a_departure_waits_for_the_latest_forecast_that_can_be_known(
+    changes: dict[str, Any], hours: float
+) -> None:
+    assert ForecastTestConfig(**changes).wait == hours
 
 
 def test_a_table_without_positions_or_for_interpolation_is_refused(tmp_path: Path) -> None:

@@ -129,7 +129,8 @@ def test_windows_that_no_plan_meets_are_named():
     windows = {
         "gone": Window("a", -7200.0, -3600.0),
         "late": Window("a", 90_000.0, math.inf),
-        "met": Window("a", -3600.0, 0.0),
+        "met": Window("a", -3600.0, 0.0),  # it ends at departure
+        "last": Window("a", 86_400.0, math.inf),  # it begins when the longest plan ends
         "open": Window("a"),
     }
     assert missed_windows(windows, 86_400.0) == [
