@@ -42,7 +42,7 @@ KINDS = {
 }
 TINY = 1e-6
 TOLERANCES = re.compile(r"\b\w*(TINY|EPS|ROUNDING|TOLERANCE)\w*\b|\b\d(\.\d+)?e-(0?[6-9]|\d\d+)\b")
-PIECES = re.compile(r"\b\w*(AT_ONCE|CHUNK|BATCH)\w*\b")
+PIECES = re.compile(r"\b\w*(AT_ONCE|CHUNK|BATCH|BLOCK)\w*\b")
 LOGGERS = ("log", "logger", "LOG", "logging")
 STRICT = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 
