@@ -30,7 +30,8 @@ from mutants.table import FOLDERS, SOURCE, UNCOMPILED_FOLDERS, UNCOMPILED_SETTIN
 ROOT = Path(__file__).parents[2]
 MOST_SECONDS = 20.0  # of tests that meet one mutant
 SHARE_OF_OTHERS = 0.25  # as much again for further tests of the same files
-FIRST = 3  # powers of 2 of seconds by which tests of the name of a module come before others
+FIRST = 3  # powers of 2 of seconds by which tests of the name of a module, and recorded numbers, come before
+RECORDED = "/test_recorded"  # in the names of files whose tests compare all numbers of a result
 RECORDS = ROOT / "build/mutants"
 
 
@@ -179,7 +180,7 @@ class Reach:
         return found
 
     def _cheapest(self, names: set[str], module: str, seconds: float) -> tuple[tuple[str, ...], float]:
-        """Tests of these names, as far as time reaches: those of the name of the module, then of quick files.
+        """Tests of these names, as far as time reaches: of the module's name, recorded numbers, quick files.
 
         Among files that are as quick, the first of each, then the second of each. A file is as slow as its
         slowest test, since a test alone also makes the fixtures that it had from others when it was recorded.
@@ -192,7 +193,7 @@ class Reach:
             if names.isdisjoint(of_file):
                 continue
             slowest = self.seconds[of_file[-1]]
-            speed = round(math.log2(max(slowest, 0.5))) - FIRST * (module in file)
+            speed = round(math.log2(max(slowest, 0.5))) - FIRST * (module in file or RECORDED in file)
             place |= {
                 name: (speed, k, self.seconds[name])
                 for k, name in enumerate(n for n in of_file if n in names)
