@@ -51,6 +51,14 @@ def _phi1(**changes: Any) -> dict[str, Any]:
     return read_yaml(choice_file("scene", "phi1")) | changes
 
 
+def _uneven(place: Path) -> Path:
+    """Forecasts at other places at every time, so that errors and their modes differ from time to time."""
+    head, *rows = forecasts(place / "even.csv").read_text().splitlines()
+    path = place / "uneven.csv"
+    path.write_text("\n".join([head, *(row for k, row in enumerate(rows) if k * k % 7 > 1)]) + "\n")
+    return path
+
+
 def missions(place: Path) -> dict[str, Mission]:
     """Map, formula and settings by name; files of winds are written into ``place``."""
     forecast = {
@@ -82,8 +90,9 @@ def missions(place: Path) -> dict[str, Mission]:
                                    "costs": ["turns", "duration"]}}),
         "level": ("phi1", "F a", {"robot": ROBOT | {"air_temperature": 5.0, "level": "10m"},
                                   "selection": CHOICE | {"rule": "length", "length": 1.3e6}}),
-        "matern": ("phi1", "F a", {"wind": WIND | {"kernel": "matern32", "rho": 0.5, "energy": 0.9},
-                                "smoothing": PLAIN["smoothing"] | {"weights": [1.0, 100.0], "rounds": 2}}),
+        "matern": ("phi1", "F a", {
+            "wind": WIND | forecast | {"path": str(_uneven(place)), "kernel": "matern32", "rho": 0.5, "energy": 0.9},
+            "smoothing": PLAIN["smoothing"] | {"weights": [1.0, 100.0], "rounds": 2}}),
         "forecast": ("phi1", "F a", {"wind": WIND | forecast} | JUDGED),
         "held": ("phi1", PHI1, {
             "wind": WIND | forecast | {"path": str(forecasts(place / "short.csv", 6.0)), "max_gap": 40.0},
