@@ -91,7 +91,8 @@ def missions(place: Path) -> dict[str, Mission]:
         "level": ("phi1", "F a", {"robot": ROBOT | {"air_temperature": 5.0, "level": "10m"},
                                   "selection": CHOICE | {"rule": "length", "length": 1.3e6}}),
         "matern": ("phi1", "F a", {
-            "wind": WIND | forecast | {"path": str(_uneven(place)), "kernel": "matern32", "rho": 0.5, "energy": 0.9},
+            "wind": WIND | forecast | {"path": str(_uneven(place)), "kernel": "matern32", "rho": 0.5}
+            | {"energy": 0.9},
             "smoothing": PLAIN["smoothing"] | {"weights": [1.0, 100.0], "rounds": 2}}),
         "forecast": ("phi1", "F a", {"wind": WIND | forecast} | JUDGED),
         "held": ("phi1", PHI1, {
