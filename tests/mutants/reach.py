@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[2]
 MOST_SECONDS = 20.0  # of tests that meet one mutant
 SHARE_OF_OTHERS = 0.25  # as much again for further tests of the same files
 FIRST = 3  # powers of 2 of seconds by which tests of the name of a module, and recorded numbers, come before
-RECORDED = "/test_recorded"  # in the names of files whose tests compare all numbers of a result
+RECORDED = ("/test_recorded", "/test_declared")  # in names of files that compare all numbers of a result
 RECORDS = ROOT / "build/mutants"
 
 
@@ -193,7 +193,8 @@ class Reach:
             if names.isdisjoint(of_file):
                 continue
             slowest = self.seconds[of_file[-1]]
-            speed = round(math.log2(max(slowest, 0.5))) - FIRST * (module in file or RECORDED in file)
+            first = any(name in file for name in (f"test_{module}", *RECORDED))
+            speed = round(math.log2(max(slowest, 0.5))) - FIRST * first
             place |= {
                 name: (speed, k, self.seconds[name])
                 for k, name in enumerate(n for n in of_file if n in names)
