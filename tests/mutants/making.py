@@ -28,7 +28,7 @@ NAMES = {
 }  # fmt: skip
 UNMEANT = ("decorator_list", "annotation", "returns", "type_params")  # fields that no result depends on
 KINDS = {
-    "annotation, docstring": "not run, or not read by what computes",
+    "annotation, docstring, imports for types": "not run, or not read by what computes",
     "decorator": "slots, frozen, the size of a cache: memory and protection, not results",
     "text of an error or of an f-string; __repr__": "wording; that an error is raised, and where, is mutated",
     "assert; strict of zip": "checks of what holds in every run, for which no test can be written",
@@ -194,13 +194,13 @@ def _other_operator(
 
 def _meant(node: ast.AST) -> Iterator[ast.AST]:
     """Nodes, outermost first, without what no result depends on."""
+    if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+        return
     yield node
     if isinstance(node, ast.FunctionDef) and node.name == "__repr__":
         return
     for name, content in ast.iter_fields(node):
         if name in UNMEANT or isinstance(node, ast.Raise | ast.Assert | ast.JoinedStr):
-            continue
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
             continue
         for one in content if isinstance(content, list) else [content]:
             if isinstance(one, ast.keyword) and one.arg in ("strict", "indent"):

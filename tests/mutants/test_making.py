@@ -75,6 +75,7 @@ def test_a_mutant_differs_from_the_source_in_its_place_alone() -> None:
         "chunk = cumsum(counts) // PAIRS_AT_ONCE",
         "x = f'{1 + 1}'",
         "assert 1 < 2",
+        "if TYPE_CHECKING:\n    a = 1 + 1",
     ],
 )
 def test_a_kind_that_is_left_out_has_no_mutants(source: str) -> None:
