@@ -24,7 +24,8 @@ class NoaaServer:
     """Files by path, and the fault of each request for a path.
 
     ``fault(path, count)`` names the fault of the ``count``-th request (from 1): None, a status, ``html``,
-    ``whole`` (no ranges), ``cut`` (the connection ends in the middle), ``slow``, ``drop`` (no answer), or a
+    ``whole`` (no ranges), ``cut`` and ``short`` (the connection ends in the middle, or before the last byte),
+    ``slow``, ``drop`` (no answer), or a
     ``Location`` to go to.
     """
 
@@ -99,8 +100,8 @@ def serving(server: NoaaServer) -> Iterator[NoaaServer]:
             body = data[first : last + 1]
             self.send_header("Content-Length", str(len(body)))
             self.end_headers()
-            if fault == "cut":
-                self.wfile.write(body[: (len(body) + 1) // 2])
+            if fault in ("cut", "short"):
+                self.wfile.write(body[: (len(body) + 1) // 2] if fault == "cut" else body[:-1])
                 self.close_connection = True
             elif fault == "slow":
                 for k in range(0, len(body), max(1, len(body) // 5)):

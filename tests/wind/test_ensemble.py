@@ -21,6 +21,7 @@ from pareto_ltl.wind.snapshots import Snapshot
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from pareto_ltl_apps.formats.snapshots import ensemble_readings
+from wind_files import REGULAR, U10, V10, grib_message
 
 START = 1539043200.0  # 2018-10-09T00:00:00Z
 LON, LAT = (a.ravel() for a in np.meshgrid(np.arange(-100.0, -83.0), np.arange(30.0, 45.0)))
@@ -242,3 +243,16 @@ def test_notes_on_the_members_in_netcdf_files_are_kept(tmp_path):
             file.create_variable(name, ("member", "time", "lat", "lon"), data=u).attrs["units"] = "m s-1"
     found = sources.read_readings(WindConfig(source="ensemble", path=str(tmp_path)))
     assert found.notes[0] == "1 of 510 values at 10m are missing in the file and left out"
+
+
+@pytest.mark.parametrize(("members", "source"), [([3], "grib"), ([3, 4], "ensemble")])
+def test_one_member_alone_is_a_forecast(tmp_path: Path, members: list[int], source: str) -> None:
+    messages = [
+        grib_message(
+            np.full((7, 7), 4.0), what, hour, **REGULAR,
+            productDefinitionTemplateNumber=1, perturbationNumber=member, numberOfForecastsInEnsemble=20,
+        )
+        for member in members for hour in (0.0, 3.0) for what in (U10, V10)
+    ]  # fmt: skip
+    (tmp_path / "winds.grib2").write_bytes(b"".join(messages))
+    assert sources.source_of_path(tmp_path / "winds.grib2") == source
