@@ -34,9 +34,14 @@ from recorded import in_short
 
 KEPT = Path(__file__).with_name("recorded_kernels.json")
 ROBOT = {"dt": 100.0, "u_max": 20.0, "start_sd": 50.0}
+ERRORS = {
+    "airspeed_sd": 0.04, "heading_sd": 2.0, "clock_sd": 20.0, "airspeed_bias": 0.03, "heading_bias": 1.5,
+    "clock_bias": 12.0, "error_correlation": [0.3, 0.1, -0.2],
+    "start_error_covariance": [[0.2, 0.1], [5.0, -4.0], [30.0, 20.0]],
+}  # fmt: skip
 ROBOTS = {
     "plain": {},
-    "errors": {"airspeed_sd": 0.04, "heading_sd": 2.0, "clock_sd": 20.0, "heading_bias": 1.5, "u_min": 4.0},
+    "errors": ERRORS | {"u_min": 4.0},
     "feedback": {"feedback_time": 400.0, "u_min": 4.0},
     "turned": {"a": [[0.98, 0.1], [-0.05, 0.97]], "b": [[0.9, 0.2], [-0.1, 1.1]], "airspeed_sd": 0.02},
 }
@@ -57,7 +62,7 @@ def in_waves(field: WindField) -> WindField:
 
 def straight(robot: dict[str, Any], formula: str = "F a", fidelity: str = "full") -> Problem:
     """A map of two regions and an obstacle in changing winds."""
-    wind = in_waves(smooth_wind(SCENE, until=4000.0, error=QUICK_ERROR))
+    wind = in_waves(smooth_wind(SCENE, slots=9, hours=0.2, until=2000.0, error=QUICK_ERROR))
     return make_problem(formula, SCENE, wind, RobotConfig(**{**ROBOT, **robot}), LOOSE, fidelity=fidelity)
 
 
@@ -91,16 +96,16 @@ def of_solve(robot: dict[str, Any], formula: str = "F a") -> Iterator[tuple[str,
     yield "polished", polished.x
 
 
-def of_fixes() -> Iterator[tuple[str, Any]]:
-    """The same of a robot that measures its position in a landmark."""
-    problem = make_problem(
-        "F a", LANDMARK_SCENE, in_waves(smooth_wind(LANDMARK_SCENE, speed=2.0, gust=0.3, rho=0.9)),
-        RobotConfig(**ROBOT | {"u_max": 25.0, "start_sd": 300.0, "fix_sd": 50.0}), LOOSE, fidelity="full",
-    )  # fmt: skip
+def of_fixes(robot: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    """The same of a robot that measures its position in two landmarks, in winds that change meanwhile."""
+    scene = replace(LANDMARK_SCENE, landmarks=(box(4, 4, 7.5, 7.5), box(9.2, 9.2, 12.5, 12.5)))
+    wind = in_waves(smooth_wind(scene, slots=9, hours=0.15, speed=2.0, gust=0.3, rho=0.8))
+    options = ROBOT | {"u_max": 25.0, "start_sd": 300.0, "fix_sd": 50.0, "fix_time": 250.0} | robot
+    problem = make_problem("F a", scene, wind, RobotConfig(**options), LOOSE, fidelity="full")
     way = LANDMARK_WAY[::2]
     flight = propagate(problem, way)
     yield from ((name, getattr(flight, name)) for name in FIELDS)
-    yield "flown", simulate_flights(problem, flight.u, 12, "coherent", SeedSequence(3), way).x
+    yield "flown", simulate_flights(problem, flight.u, 24, "coherent", SeedSequence(3), way).x
     refiner = Refiner(problem, margin_model(problem))
     flights = draw_flights(problem, "coherent", 20, SeedSequence(4))
     here, _ = refiner.slope(way, flights.deviations(flight), 400.0, 20)
@@ -124,7 +129,8 @@ CASES: dict[str, Callable[[], Iterator[tuple[str, Any]]]] = {
     "solve two": lambda: of_solve({"u_min": 4.0}, "F(b & F a)"),
     "solve turned": lambda: of_solve(ROBOTS["turned"], "F(b & F a)"),
     "solve feedback": lambda: of_solve(ROBOTS["feedback"]),
-    "fixes": of_fixes,
+    "fixes": lambda: of_fixes({}),
+    "fixes errors": lambda: of_fixes(ERRORS),
     "trees paper": lambda: of_trees("paper"),
     "trees full": lambda: of_trees("full"),
 }
