@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -80,6 +81,41 @@ def test_a_front_is_a_table_of_pandas(planned: pareto_ltl.Run, tmp_path: Path) -
     assert [table.index.name, *table.columns] == list(rows[0])
     np.testing.assert_allclose(table["failure"], [float(row["failure"]) for row in rows], rtol=1e-12)
     assert table["length_m"].tolist() == [path.objectives.length for path in planned.front.paths]
+
+
+def test_a_front_is_a_dataset_with_units_and_all_its_paths(planned: pareto_ltl.Run) -> None:
+    data, paths = planned.front.to_xarray(), planned.front.paths
+    assert data.length_m.units == "m"
+    assert data.duration_s.units == "s"
+    assert data.failure.values.tolist() == [rate.failure for rate in planned.front.rates]
+    assert data.sizes == {"path": len(paths), "step": max(len(path.t) for path in paths)}
+    for number, path in enumerate(paths):
+        line = data.sel(path=number).dropna("step")
+        np.testing.assert_array_equal(np.column_stack([line.x, line.y]), path.x)
+        np.testing.assert_array_equal(line.t, path.t)
+
+
+def test_a_figure_names_the_options_that_it_has(planned: pareto_ltl.Run) -> None:
+    with pytest.raises(TypeError, match=r"figure of a Front has no option 'title', but scene, plan$"):
+        planned.front.plot(title="mine")
+
+
+@pytest.mark.parametrize(
+    "use", [pareto_ltl.read_wind, lambda wind: pareto_ltl.plan("phi1", "F a", wind=wind)]
+)
+def test_one_component_is_no_wind(use: Callable[[Any], Any]) -> None:
+    with pytest.raises(pareto_ltl.ConfigError, match=r"is one array of xarray; give a dataset with both"):
+        use(dataset().u10)
+
+
+def test_a_wind_in_memory_has_no_files_to_name(planned: pareto_ltl.Run) -> None:
+    assert planned.wind.source == planned.to_xarray().source == "given"
+
+
+def test_a_ready_map_is_read_by_its_name() -> None:
+    assert sorted(pareto_ltl.read_map("phi1").regions) == ["a", "b", "c"]
+    with pytest.raises(pareto_ltl.DataError, match=r"^phi9: cannot be read"):
+        pareto_ltl.read_map("phi9")
 
 
 def test_a_run_is_a_dataset_with_its_wind_and_its_path(planned: pareto_ltl.Run) -> None:

@@ -36,7 +36,9 @@ def test_a_part_is_the_bytes_that_were_asked_for(part, fault):
 
 
 @pytest.mark.parametrize("part", [ByteRange(1000, 70_000), ByteRange(5, None)])
-@pytest.mark.parametrize("faults", [["cut"], ["short"], ["cut", "cut", 503], ["drop", "cut"], [500, 429, "cut"]])
+@pytest.mark.parametrize(
+    "faults", [["cut"], ["short"], ["cut", "cut", 503], ["drop", "cut"], [500, 429, "cut"]]
+)
 def test_a_broken_connection_is_taken_up_where_it_ended(faults, part):
     plan = dict(enumerate(faults, 1))
     with serving(NoaaServer({"file": DATA}, lambda path, count: plan.get(count))) as server:

@@ -31,6 +31,7 @@ from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+    from xarray import Dataset
 
     from pareto_ltl.planning.branching.records import Branching
 
@@ -265,6 +266,13 @@ class Front(Displayed):
 
         columns, rows = front_table(self)
         return pd.DataFrame(rows, columns=list(columns)).set_index(columns[0])
+
+    def to_xarray(self) -> Dataset:
+        """The paths as a dataset of xarray: the columns of ``front.csv`` with units, positions and times."""
+        from pareto_ltl.planning.front_dataset import front_dataset
+
+        require_extra("netcdf", "Front.to_xarray")
+        return front_dataset(self)
 
     def facts(self) -> Mapping[str, str]:
         """Number of paths, and the ranges of their objectives."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -93,8 +94,7 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
         times=readings.times[slots] - zero,
         points=tuple(each.points for each in placed.values()),
         winds=winds,
-        source=f"{cfg.source}: {', '.join(file.name for file in readings.files[:8])}"
-        + (f" and {len(readings.files) - 8} more" if len(readings.files) > 8 else ""),
+        source=_source(cfg.source, readings.files),
         leads=leads[slots],
         level=readings.level,
         until=until - zero,
@@ -103,6 +103,12 @@ def place_readings(cfg: WindConfig, readings: Readings, scene: Scene) -> WindObs
         members=tuple(each.members for each in placed.values()) if readings.members else (),
         air=_air_of_map(scene, readings, slots, zero),
     )
+
+
+def _source(name: str, files: Sequence[Path]) -> str:
+    """``name`` of the source, with up to eight of its files; winds in memory have none."""
+    more = f" and {len(files) - 8} more" if len(files) > 8 else ""
+    return f"{name}: {', '.join(file.name for file in files[:8])}{more}" if files else name
 
 
 def _air_of_map(scene: Scene, readings: Readings, slots: IntArray, zero: float) -> MapAir | None:

@@ -72,7 +72,15 @@ def read_readings(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> Readings:
 
 
 def is_dataset(wind: Any) -> bool:
-    """Whether ``wind`` is a dataset of xarray; nothing is imported to know it."""
+    """Whether ``wind`` is a dataset of xarray; nothing is imported to know it.
+
+    Raises ConfigError for an array of xarray, which is one component of a wind.
+    """
+    if hasattr(wind, "to_netcdf") and hasattr(wind, "to_dataset"):
+        raise ConfigError(
+            "the wind is one array of xarray; give a dataset with both components, e.g. "
+            'xarray.Dataset({"u10": u, "v10": v}), or the file that has them'
+        )
     return hasattr(wind, "to_netcdf") and hasattr(wind, "data_vars")
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.random import Generator
 
 from pareto_ltl.settings import SceneConfig
+from pareto_ltl.settings.building import section_of
 from pareto_ltl.settings.heights import Height
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, listed_text
@@ -21,6 +22,7 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.files import write_json
 from pareto_ltl.support.messages import shown_text
+from pareto_ltl.support.resources import choices
 from pareto_ltl.support.times import lacks_zone
 from pareto_ltl.world import projection
 from pareto_ltl.world import scene_sketch as sk
@@ -100,12 +102,13 @@ def scene_from_settings(
 
 
 def read_map(path: Any, altitude: float | None = None) -> Scene:
-    """The checked map of a file: GeoJSON, KML, KMZ, or a run's ``scene.json``; or of features in memory.
+    """The checked map of a file: GeoJSON, KML, KMZ, a run's ``scene.json``; of features; or a ready map.
 
     Parameters
     ----------
     path : str, Path, GeoDataFrame or another object with ``__geo_interface__``
-        Columns of a GeoDataFrame are properties of its features: ``role`` and ``name``.
+        ``"phi1"`` and the other choices of the group scene are ready maps. Columns of a GeoDataFrame are
+        properties of its features: ``role`` and ``name``.
     altitude : float, optional
         Height of the flight [m], in the datum of the map: places that are not active there are left out.
 
@@ -117,7 +120,9 @@ def read_map(path: Any, altitude: float | None = None) -> Scene:
     if isinstance(path, Scene) and altitude is None:
         return path
     if not hasattr(path, "__geo_interface__"):
-        return scene_from_settings(SceneConfig(file=str(path), altitude=altitude))
+        ready = section_of("scene", path) if path in choices("scene") else SceneConfig(file=str(path))
+        assert isinstance(ready, SceneConfig)
+        return scene_from_settings(ready if altitude is None else replace(ready, altitude=altitude))
     if getattr(path, "crs", None) is not None and hasattr(path, "to_crs"):
         path = path.to_crs("EPSG:4326")  # of GeoPandas, in any system
     with TemporaryDirectory(prefix="pareto_ltl_") as folder:

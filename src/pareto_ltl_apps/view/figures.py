@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ from pareto_ltl.extend import (
 from pareto_ltl.settings import ReportConfig
 from pareto_ltl.settings.outputs import FIGURE_FORMATS
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text
+from pareto_ltl.support.display import distance_text, listed_text
 from pareto_ltl.support.times import hours_text, seconds_after
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.automaton_picture import automaton_figure
@@ -119,6 +120,10 @@ def draw_record(record: Any, scene: Scene | None = None, **options: Any) -> Draw
         return _run_drawing(record, **options)
     for kind, make in FIGURES.items():
         if isinstance(record, kind):
+            known = list(signature(make).parameters)[2:]
+            if unknown := sorted(options.keys() - {*known}):
+                those = listed_text(["scene", *known])
+                raise TypeError(f"the figure of a {kind.__name__} has no option {unknown[0]!r}, but {those}")
             with style.report_style():
                 return Drawing(make(record, scene, **options))
     kinds = ", ".join(kind.__name__ for kind in FIGURES)
