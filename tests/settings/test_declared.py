@@ -29,7 +29,8 @@ def lines(section: Any) -> Iterator[str]:
 
 
 def test_defaults_and_ranges_are_those_that_were_chosen() -> None:
-    assert list(lines(Settings())) == KEPT.read_text(encoding="utf-8").splitlines()
+    found, kept = list(lines(Settings())), KEPT.read_text(encoding="utf-8").splitlines()
+    assert found == kept, "if this is meant: python tests/settings/test_declared.py"
 
 
 if __name__ == "__main__":

@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 
 from desk import SMALL
 from pareto_ltl.extend import cost_named
+from pareto_ltl.settings.planner import FURTHER_COSTS
 from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_verify.claims import front as claims
 from pareto_ltl_verify.judge import verify
 from pareto_ltl_verify.page_texts import COSTS
 
@@ -21,7 +23,7 @@ KEYS = {"plan.json": ("objectives", "turns"), "metrics.json": ("turns_deg",)}
 @pytest.fixture(scope="module")
 def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("costs") / "hop"
-    words = ["plan", "+experiment=hop", *SMALL, "selection.costs=[duration,turns,containment]"]
+    words = ["plan", "+experiment=hop", *SMALL, f"selection.costs=[{','.join(FURTHER_COSTS)}]"]
     words += ["selection=least", "selection.least=turns", "selection.alpha=0.9", "exports=none"]
     words.append(f"hydra.run.dir={place}")
     assert run_command_line(words) == 0
@@ -50,6 +52,12 @@ def test_a_further_cost_that_was_changed_is_found(name: str, planned: Path) -> N
         assert broken_claims(planned) != []
     finally:
         (planned / name).write_bytes(before)
+
+
+def test_the_checker_has_every_cost_of_the_planner() -> None:
+    """Without its number and text there, a cost counts as that of another package, and is not checked."""
+    assert {*claims.FURTHER_COSTS} == {*FURTHER_COSTS}
+    assert {*COSTS} == {*FURTHER_COSTS, "energy"}
 
 
 @given(amount=st.floats(0.0, 1e9), name=st.sampled_from(sorted(COSTS)))

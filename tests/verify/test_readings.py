@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from pareto_ltl.settings import Settings, WindConfig
+from pareto_ltl.settings.wind import wind_sources
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.observations import place_readings
@@ -20,10 +21,11 @@ from pareto_ltl.world.projection import local_plane
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_files import write_scene
 from pareto_ltl_verify.claims import Verdict, readings
+from pareto_ltl_verify.claims.settings import FROM_PATH
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.judge import unchecked_claims
 from pareto_ltl_verify.wind_fit import Fit
-from pareto_ltl_verify.wind_tables import WindFile
+from pareto_ltl_verify.wind_tables import SOURCES, WindFile
 from wind_files import GRIB, NETCDF, REPORTS, TABLES, ensemble
 
 KINDS = TABLES | {"metars": REPORTS["metars"]} | NETCDF | GRIB
@@ -165,3 +167,9 @@ def test_a_wind_that_was_given_in_python_is_not_read_again(tmp_path: Path) -> No
     result = result_of(tmp_path / "run", TABLES["table"](tmp_path))
     settings = {**result.settings, "wind": {**result.settings["wind"], "source": "given"}}
     assert reasons(replace(result, settings=settings)) == {"the wind was given in Python": readings.NAMES}
+
+
+def test_the_checker_knows_every_source_of_the_planner() -> None:
+    sources = wind_sources()
+    assert SOURCES.keys() == sources.keys()
+    assert {*FROM_PATH} == {name for name, source in sources.items() if source.reads_path}

@@ -35,6 +35,7 @@ FAR_SHARE = 0.25  # of wind.max_points that is left to readings away from the ma
 FIT_RADIUS = 500e3  # [m], about one correlation length of the 10 m wind over land
 HORIZON_ANGLE = np.deg2rad(45.0)  # readings farther away carry no information and are distorted in the plane
 OLDEST_ANALYSIS = 48 * HOUR  # before departure, of those that show how variable the wind is
+FILL_GAP = "add wind files, or raise wind.max_gap"
 OLDEST_HELD = 48.0  # [h] longest time for which a message advises to hold the last field
 FEW_SITUATIONS = 10  # a law of fewer is used with a warning
 LOG = logging.getLogger(__name__)
@@ -247,11 +248,11 @@ def _slots_from_departure(cfg: WindConfig, readings: Readings, zero: float) -> t
             f"{name} has a gap of {gaps[wide[0]] / HOUR:g} h from {iso(times[last])} to "
             f"{iso(times[last + 1])}, longer than wind.max_gap ({cfg.max_gap:g} h)"
         )
-        LOG.warning("%s; flights must end before it", ends)
+        LOG.warning("%s; flights must end before it: %s", ends, FILL_GAP)
     if cfg.hold_last:
         ends += f", and wind.hold_last holds it for {cfg.max_gap:g} h"
     if until <= zero:
-        more = "add wind files" if len(wide) else "choose mission.start_time inside, or add wind files"
+        more = FILL_GAP if len(wide) else "choose mission.start_time inside, or add wind files"
         raise DataError(
             f"departure {iso(zero)} is not covered by the wind of {name} ({period}): {ends}; {more}"
             f"{_holding_advice(cfg, zero - times[last])}"
