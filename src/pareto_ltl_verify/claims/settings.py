@@ -22,14 +22,7 @@ FEWEST_CELLS, MAX_CELLS = 20, 500  # of the lattice of the wind along the longer
 FEWEST_MODE_CELLS, MAX_MODE_CELLS = 10, 24  # of the lattice of its modes
 # Laws that are no files.
 LAW_WORDS = "auto", "none", "gfs", "icon_eu", "ecmwf_class", "hourly_fine", "currents", "gfs_one_part"
-FROM_PATH = (
-    "csv",
-    "stations",
-    "grib",
-    "netcdf",
-    "currents",
-    "ensemble",
-)  # sources that read the files of wind.path
+FROM_PATH = ("csv", "stations", "grib", "netcdf", "currents", "ensemble")  # that read wind.path
 SAME_PLACE = 1e-6  # of the spacing of a lattice
 SLOW = 60.0  # [s] that a search takes beyond a limit of its time: the tree that is growing is finished
 
