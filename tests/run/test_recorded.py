@@ -3,7 +3,8 @@
 On the processor of the record, with as many threads, they are equal to 1e-6. Elsewhere BLAS rounds otherwise,
 and a search may end elsewhere within its tolerance: with the BLAS of another processor, 16 of 17 plans were
 equal to 1e-3. There, what no search makes is equal to 1e-4, but for modes of the wind, which are eigenvectors
-and may be others of one value; and the plan is about as long. Other versions of libraries fit winds otherwise.
+and may be others of one value; and the plan is about as long. Other versions of libraries fit winds
+otherwise.
 """
 
 from __future__ import annotations
