@@ -170,4 +170,4 @@ def test_points_of_the_trees_do_not_widen_the_axis_of_lengths() -> None:
     far = [replace(cost, costs={"length": 9e9}) for cost in front.raw]
     figure = drawn(replace(front, raw=tuple(far)))
     assert figure.axes[0].get_xlim() == ends
-    assert f"trees alone, {len(front.raw_rates)} longer" in texts_of(figure)
+    assert f"trees alone: all {len(front.raw_rates)} are longer" in texts_of(figure)

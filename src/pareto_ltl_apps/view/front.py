@@ -202,6 +202,8 @@ def other_keys(front: Front, plan: Plan | None) -> list[Line2D]:
         longest = _length_ends(np.array([path.objectives.length for path in front.paths]))[1]
         beyond = sum(cost.length > longest for cost in front.raw[: len(front.raw_rates)])
         label = f"trees alone{f', {beyond} longer' if beyond else ''}"
+        if beyond == len(front.raw_rates):
+            label = f"trees alone: all {beyond} are longer"  # none is drawn
         keys.append(style.mark_key(label, "x", 3.4, style.STONE, style.STONE, 0.7))
     if plan is not None:
         keys.append(CHOSEN)
