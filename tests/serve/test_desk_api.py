@@ -23,6 +23,7 @@ import pytest
 from desk import HOP, MOST, SMALL, RunningDesk, running_desk
 from pareto_ltl.extend import Frame
 from pareto_ltl.run.plan_run import Run
+from pareto_ltl.support.errors import DataError
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.desk import views
 from pareto_ltl_apps.desk.app import ROUTES
@@ -375,6 +376,20 @@ def test_events_of_old_plans_leave_the_memory(tmp_path: Path) -> None:
         return len(plans.jobs)
 
     assert asyncio.run(many()) == MAX_ENDED + 1
+
+
+def test_a_front_is_shown_from_when_it_is_made_until_the_plan_is_cancelled_and_after(tmp_path: Path) -> None:
+    async def asked() -> None:
+        plans = Plans(DeskFolder.opened(tmp_path))
+        job = plans.plan("plan", ["+experiment=hop"])
+        with pytest.raises(DataError, match="is running; only a finished plan has results"):
+            plans.require_front(job.name)
+        job.tell({"event": "paths", "source": "front"})
+        assert plans.require_front(job.name).name == job.name
+        job.end("cancelled")
+        assert plans.require_front(job.name).name == job.name
+
+    asyncio.run(asked())
 
 
 def ends(process: psutil.Process, patience: float = 60.0) -> bool:
