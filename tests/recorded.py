@@ -29,7 +29,7 @@ import pareto_ltl
 from honest_results import forecasts, light_law
 from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml
-from small_plans import BEACONS, COMMON, PHI1
+from small_plans import BEACONS, COMMON, PHI1, phi1
 from wind_files import ensemble
 
 KEPT = Path(__file__).with_name("recorded.json")
@@ -45,10 +45,6 @@ PHI2 = read_yaml(choice_file("mission", "phi2"))["formula"]
 LONG = ("branches",)
 REPLANNED = {"forecast": 4, "errors": 3}  # at which step
 Mission = tuple[str | dict[str, Any], str | dict[str, Any], dict[str, Any]]
-
-
-def _phi1(**changes: Any) -> dict[str, Any]:
-    return read_yaml(choice_file("scene", "phi1")) | changes
 
 
 def _uneven(place: Path) -> Path:
@@ -71,11 +67,11 @@ def missions(place: Path) -> dict[str, Mission]:
         "paths": ("phi1", PHI1, {"fidelity": {"name": "full", "refine": "convex", "judge": "bound"},
                                  "planner": PLANNER | {"n_max": 3000}}),
         "two": ("phi2", PHI2, {"robot": ROBOT | {"dt": 1800.0}}),
-        "fixes": (_phi1(landmarks=BEACONS), "F a", JUDGED),
+        "fixes": (phi1(landmarks=BEACONS), "F a", JUDGED),
         "deadline": ("phi1", "F[0,40h] a & F[0,60h] b", {}),
-        "window": (_phi1(windows={"soon": {"region": "a", "from": "10h", "until": "40h"}}), "F soon", {}),
+        "window": (phi1(windows={"soon": {"region": "a", "from": "10h", "until": "40h"}}), "F soon", {}),
         "calm": ("phi1", "F a", {"wind": "calm", "robot": ROBOT | {"heading_sd": 6.0}}),
-        "open": (_phi1(border="open"), "!a U b", {}),
+        "open": (phi1(border="open"), "!a U b", {}),
         "feedback": ("phi1", "F a", {"robot": ROBOT | {"feedback_time": 1800.0}} | JUDGED),
         "errors": ("phi1", "F a", {"robot": ROBOT | {"airspeed_sd": 0.03, "heading_sd": 2.0, "clock_sd": 60.0,
                                                      "start_sd": 2000.0, "heading_bias": 1.0}} | JUDGED),
@@ -104,7 +100,7 @@ def missions(place: Path) -> dict[str, Mission]:
         "rare": ("phi1", "F a", {"robot": ROBOT | {"feedback_time": 400.0},
                                  "selection": CHOICE | {"draws": 400, "runs": 2000}} | JUDGED),
         "branches": ("phi1", PHI1, {"branch": {"leaves": 2, "at": [8.0]}} | JUDGED),
-        "random": (_phi1(obstacles=[], random={"seed": 3, "obstacles": 8, "radius": [0.03, 0.08]}), PHI1, {}),
+        "random": (phi1(obstacles=[], random={"seed": 3, "obstacles": 8, "radius": [0.03, 0.08]}), PHI1, {}),
         "knee": ("phi1", PHI1, {"selection": CHOICE | {"rule": "knee"},
                                 "planner": PLANNER | {"epsilon": None}}),
         "weighted": ("phi1", PHI1, {"selection": CHOICE | {"rule": "weighted"},
@@ -197,6 +193,12 @@ def in_short(values: list[Any]) -> list[Any]:
     return [len(numbers), *sums, *([zlib.crc32("\n".join(texts).encode())] if texts else [])]
 
 
+def in_lines(cases: dict[str, dict[str, list[Any]]]) -> str:
+    """JSON with a line for each case."""
+    lines = (f"{json.dumps(name)}:{json.dumps(case, separators=(',', ':'))}" for name, case in cases.items())
+    return "{\n" + ",\n".join(lines) + "\n}"
+
+
 def differences(
     expected: dict[str, list[Any]], here: dict[str, list[Any]], close: float = CLOSE
 ) -> list[str]:
@@ -224,13 +226,8 @@ def main(names: list[str]) -> None:
         record["fingerprint"] = made_by()
         for name in chosen:
             record["cases"][name] = found(name, Path(folder))
-    lines = (
-        f"{json.dumps(name)}:{json.dumps(case, separators=(',', ':'))}"
-        for name, case in record["cases"].items()
-    )
-    KEPT.write_text(
-        f'{{"fingerprint":{json.dumps(record["fingerprint"])},\n"cases":{{\n' + ",\n".join(lines) + "\n}}\n"
-    )
+    made = json.dumps(record["fingerprint"])
+    KEPT.write_text(f'{{"fingerprint":{made},\n"cases":{in_lines(record["cases"])}}}\n')
 
 
 if __name__ == "__main__":

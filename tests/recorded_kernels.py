@@ -30,7 +30,7 @@ from pareto_ltl.simulation.common_flights import draw_flights
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.wind.records import WindField
 from problems import QUICK_ERROR, box, make_problem, make_scene, smooth_wind
-from recorded import in_short
+from recorded import in_lines, in_short
 
 KEPT = Path(__file__).with_name("recorded_kernels.json")
 ROBOT = {"dt": 100.0, "u_max": 20.0, "start_sd": 50.0}
@@ -74,12 +74,11 @@ def of_path(robot: dict[str, Any], formula: str = "F a") -> Iterator[tuple[str, 
         yield from ((f"{law}/{name}", getattr(flight, name)) for name in FIELDS)
         flown = simulate_flights(problem, flight.u, 24, law, SeedSequence(3), SHORT)
         yield f"{law}/flown", flown.x
-        yield f"{law}/accepted", flown.accepted.astype(float)
+        yield f"{law}/accepted", flown.accepted
     lines = separation(problem, propagate(problem, SHORT))
-    yield "lines", np.concatenate([lines.offset.ravel(), lines.risk.ravel()])
-    path = evaluate_path(problem, SHORT, "given", tolerance=10.0)
-    objectives = path.objectives
-    yield "risks", np.array([objectives.mission_risk, objectives.collision_risk, objectives.length])
+    yield "lines", (lines.offset, lines.risk)
+    o = evaluate_path(problem, SHORT, "given", tolerance=10.0).objectives
+    yield "risks", (o.mission_risk, o.collision_risk, o.length)
 
 
 def of_solve(robot: dict[str, Any], formula: str = "F a") -> Iterator[tuple[str, Any]]:
@@ -118,7 +117,7 @@ def of_trees(fidelity: str) -> Iterator[tuple[str, Any]]:
     problem = straight({}, "!b U a", fidelity)
     tree = grow_forest(PlannerConfig(trees=1, n_max=80, threads=1), problem, SeedSequence(2)).trees[0]
     for name in ("x", "q", "parent", "risk", "length"):
-        yield name, np.asarray(getattr(tree, name), float)
+        yield name, getattr(tree, name)
 
 
 CASES: dict[str, Callable[[], Iterator[tuple[str, Any]]]] = {
@@ -152,8 +151,7 @@ def main(names: list[str]) -> None:
     """Write the cases ``names``, or all, into the file."""
     record = json.loads(KEPT.read_text()) if names else {}
     record |= {name: found(name) for name in names or CASES}
-    lines = (f"{json.dumps(name)}:{json.dumps(case, separators=(',', ':'))}" for name, case in record.items())
-    KEPT.write_text("{\n" + ",\n".join(lines) + "\n}\n")
+    KEPT.write_text(in_lines(record) + "\n")
 
 
 if __name__ == "__main__":

@@ -34,6 +34,13 @@ COMMON: dict[str, Any] = {
 }
 BEACONS = [[[0.6, 6.5], [3.1, 6.5], [3.1, 9.4], [0.6, 9.4]]]
 PHI1 = "F(a & F b & F c)"
+
+
+def phi1(**changes: Any) -> dict[str, Any]:
+    """The keys of the packaged map phi1, with changes."""
+    return read_yaml(choice_file("scene", "phi1")) | changes
+
+
 MISSIONS: dict[str, tuple[str | dict[str, Any], str, dict[str, Any]]] = {
     "full": ("phi1", PHI1, {}),
     "paper": (
@@ -42,7 +49,7 @@ MISSIONS: dict[str, tuple[str | dict[str, Any], str, dict[str, Any]]] = {
         {"fidelity": "paper", "planner": COMMON["planner"] | {"n_max": 600}},
     ),
     "fixes": (
-        read_yaml(choice_file("scene", "phi1")) | {"landmarks": BEACONS},
+        phi1(landmarks=BEACONS),
         "F a",
         {"refine": REFINED | {"flights": 60, "sweep_flights": 30}},
     ),

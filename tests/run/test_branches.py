@@ -240,6 +240,11 @@ def swapped(tree: dict[str, Any]) -> None:
         first[key], second[key] = second[key], first[key]
 
 
+def misstated(tree: dict[str, Any]) -> None:
+    """A share that is too large."""
+    tree["branches"][0]["share"] += 0.05
+
+
 def _shifted(tree: dict[str, Any]) -> None:
     """The line lies elsewhere, in numbers and words alike."""
     for row in tree["branches"]:
@@ -273,7 +278,7 @@ LIES = (
     Lie("a line moved", in_branches(_shifted), ("branches: shares",)),
     Lie(
         "a wrong share",
-        in_branches(lambda tree: tree["branches"][0].update(share=tree["branches"][0]["share"] + 0.05)),
+        in_branches(misstated),
         ("branches: shares",),
     ),
     Lie("a rate that is too good", in_branches(_better), ("branches: failure rate with branches",)),

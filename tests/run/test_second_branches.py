@@ -21,14 +21,13 @@ from lies.editing import Lie, edited
 from pareto_ltl.extend import plans_on_branches
 from pareto_ltl.planning.plan_files import read_plan, write_plan
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.support.resources import choice_file
-from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.flight.following import follow
 from pareto_ltl_apps.flight.telemetry import Reading
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.judge import CLAIMS, findings, verify
-from run.test_branches import PHI1, SELDOM, SMALL, in_branches, swapped, turned
+from run.test_branches import PHI1, SELDOM, SMALL, in_branches, misstated, swapped, turned
+from small_plans import phi1
 
 FIRST, SECOND = 4, 9  # hours and steps
 
@@ -160,7 +159,7 @@ def _of_second(change: Callable[[dict[str, Any]], Any]) -> Callable[[Path], None
         Lie("a line turned round", _of_second(turned), ("branches: positions given the cell",)),
         Lie(
             "a wrong share",
-            _of_second(lambda tree: tree["branches"][0].update(share=tree["branches"][0]["share"] + 0.05)),
+            _of_second(misstated),
             ("branches: shares",),
         ),
         Lie(
@@ -185,13 +184,13 @@ def test_a_lie_about_a_second_fix_is_caught(twice: Path, tmp_path: Path, lie: Li
 
 def test_a_plan_branches_in_landmarks_that_it_passes(tmp_path: Path) -> None:
     """Fixes have the error and the places of the landmarks, are missed outside, and steer nothing."""
-    place, scene = tmp_path / "landmark", read_yaml(choice_file("scene", "phi1"))
+    place = tmp_path / "landmark"
     marks = [
         [[0.6, 6.5], [3.1, 6.5], [3.1, 9.4], [0.6, 9.4]],
         [[5.6, 6.6], [7.2, 6.6], [7.2, 7.9], [5.6, 7.9]],
     ]
     branch = {"leaves": 2, "available": 0.8, "fixes": 2}
-    run = pareto_ltl.plan(scene | {"landmarks": marks}, PHI1, out=place, branch=branch, **SMALL)
+    run = pareto_ltl.plan(phi1(landmarks=marks), PHI1, out=place, branch=branch, **SMALL)
     tree = run.plan.branching
     assert tree is not None
     assert tree.fix.landmark is not None

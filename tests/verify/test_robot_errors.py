@@ -8,11 +8,9 @@ from pathlib import Path
 import pytest
 
 import pareto_ltl
-from pareto_ltl.support.resources import choice_file
-from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.judge import CLAIMS, findings, verify
-from small_plans import BEACONS, COMMON
+from small_plans import BEACONS, COMMON, phi1
 
 ERRORS = {"airspeed_sd": 0.03, "heading_sd": 6.0, "clock_sd": 60.0}
 CAUGHT = {
@@ -37,7 +35,7 @@ def test_all_claims_of_a_robot_with_errors_hold(made: Path) -> None:
 
 
 def test_all_claims_of_such_a_robot_that_takes_fixes_hold(tmp_path: Path) -> None:
-    scene = read_yaml(choice_file("scene", "phi1")) | {"landmarks": BEACONS}
+    scene = phi1(landmarks=BEACONS)
     changes = {"robot": COMMON["robot"] | ERRORS, "deployment": {"runs": 1000}, "out": tmp_path / "fixes"}
     result = pareto_ltl.plan(scene, "F a", **COMMON | changes)
     assert result.plan.path.fixes

@@ -201,9 +201,9 @@ def other_keys(front: Front, plan: Plan | None) -> list[Line2D]:
     if front.raw_rates:
         longest = _length_ends(np.array([path.objectives.length for path in front.paths]))[1]
         beyond = sum(cost.length > longest for cost in front.raw[: len(front.raw_rates)])
-        label = f"trees alone{f', {beyond} longer' if beyond else ''}"
-        if beyond == len(front.raw_rates):
-            label = f"trees alone: all {beyond} are longer"  # none is drawn
+        label = "trees alone"
+        if beyond:  # and not drawn
+            label += f": all {beyond} are longer" if beyond == len(front.raw_rates) else f", {beyond} longer"
         keys.append(style.mark_key(label, "x", 3.4, style.STONE, style.STONE, 0.7))
     if plan is not None:
         keys.append(CHOSEN)
