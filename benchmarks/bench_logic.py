@@ -9,8 +9,8 @@ import tracemalloc
 
 import pytest
 
-from pareto_ltl.logic import patterns, translate
-from pareto_ltl.logic.hoa import hoa_text
+from ltlf import patterns
+from pareto_ltl.logic import translate
 
 
 def disjoint(names: list[str]) -> list[frozenset[str]]:
@@ -70,4 +70,4 @@ def test_coverage_with_its_preorder(benchmark, goals):
 def test_hoa_of_ten_fold_coverage(benchmark):
     names = [f"p{i}" for i in range(10)]
     automaton = translate(patterns.coverage(*names), disjoint(names))
-    assert len(benchmark.pedantic(hoa_text, (automaton,), rounds=3)) > 1000
+    assert len(benchmark.pedantic(automaton.to_hoa, rounds=3)) > 1000

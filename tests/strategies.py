@@ -11,7 +11,7 @@ import shapely
 from hypothesis import assume
 from hypothesis import strategies as st
 
-from pareto_ltl.logic.formula import Formula
+from ltlf import Formula
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.scene import Scene
 

@@ -18,8 +18,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from ltlf import patterns
 from machine import processor
-from pareto_ltl.logic import patterns, translate
+from pareto_ltl.logic import translate
 from peers import tables
 from peers.channel import Peer, missing
 from peers.ours import ORDERS, Mission, translation_seconds

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.logic import formula, translate
+from ltlf import formula
+from pareto_ltl.logic import translate
 from pareto_ltl.planning import growth
 from pareto_ltl.planning.growth import GrowthOptions
 from pareto_ltl.planning.records import Forest

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ltlf.dfa import acceptance_distances, language_inclusion
 from one_epoch import one_epoch, reading_of
 from oracle.live_bound import keep_live, live_bound, read_live_letter
 from pareto_ltl.kernels.bounds import StateLists
@@ -19,7 +20,6 @@ from pareto_ltl.kernels.ordered_bound import (
     read_letter,
     stays,
 )
-from pareto_ltl.logic.dfa import acceptance_distances, language_inclusion
 from pareto_ltl.planning.pack_logic import Reading, empty_letters, follow_states, live_rows
 
 some = settings(deadline=None, max_examples=150)

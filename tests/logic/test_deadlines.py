@@ -10,22 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.logic import parse_formula, positive_normal_form
+from ltlf.spans import clock_name, end_clock, read_span, shown_span, span_clock
+from pareto_ltl.logic import parse_formula
 from pareto_ltl.logic.automaton import translate
+from pareto_ltl.logic.formula import positive_normal_form
 from pareto_ltl.logic.mission import automaton_of
 from pareto_ltl.logic.timed import keep_clear, letter_of, timed_letters, window_patterns
 from pareto_ltl.planning.pack_logic import epochs_of
 from pareto_ltl.settings import MissionConfig
 from pareto_ltl.support.errors import DataError, FormulaError
-from pareto_ltl.world.windows import (
-    Window,
-    clock_name,
-    clock_windows,
-    end_clock,
-    read_span,
-    shown_span,
-    span_clock,
-)
+from pareto_ltl.world.windows import Window, clock_windows
 from pareto_ltl_verify.formula import Dfa, clock_of, first_difference, normal_form, read_formula
 
 seconds = st.integers(0, 400).map(lambda k: 450.0 * k)
@@ -135,11 +129,9 @@ def test_windows_of_the_map_reach_the_automaton() -> None:
 
 
 def test_an_automaton_with_clocks_is_read_from_its_file(tmp_path) -> None:
-    from pareto_ltl.logic.hoa import hoa_text
-
     labels = [frozenset(), frozenset("a")]
     made = automaton_of(MissionConfig(formula="F[0,1h] a"), labels, regions=["a"])
-    (tmp_path / "m.hoa").write_text(hoa_text(made), encoding="utf-8")
+    (tmp_path / "m.hoa").write_text(made.to_hoa(), encoding="utf-8")
     again = automaton_of(MissionConfig(automaton=str(tmp_path / "m.hoa")), labels, regions=["a"])
     assert again == made
     with pytest.raises(DataError, match="unknown region 'a'"):

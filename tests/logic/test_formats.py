@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.logic import FormulaError, parse_formula, patterns, translate
-from pareto_ltl.logic.formula import Formula
-from pareto_ltl.logic.hoa import hoa_text
+from ltlf import Formula, patterns
+from pareto_ltl.logic import FormulaError, parse_formula, translate
+from pareto_ltl.logic.patterns import formula_of
 from pareto_ltl.settings import MissionConfig
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 from pareto_ltl_apps.cli.commands import run_command_line
@@ -55,14 +55,14 @@ formulas = st.recursive(
 @given(formulas)
 def test_an_automaton_comes_back_from_hoa(f):
     automaton = translate(str(f))
-    assert parse_hoa(hoa_text(automaton)) == automaton
+    assert parse_hoa(automaton.to_hoa()) == automaton
 
 
 @pytest.mark.parametrize("formula", MISSIONS)
 def test_a_file_serves_as_a_mission(formula, tmp_path):
     automaton = translate(formula)
     file = tmp_path / "mission.hoa"
-    file.write_text(hoa_text(automaton), encoding="utf-8")
+    file.write_text(automaton.to_hoa(), encoding="utf-8")
     assert read_hoa(file) == automaton
 
 
@@ -228,7 +228,7 @@ def test_a_strict_sequence_asks_for_a_later_letter():
 )
 def test_a_pattern_that_lacks_something_says_so(mission, what):
     with pytest.raises(ConfigError, match=what) as caught:
-        patterns.formula_of(mission)
+        formula_of(mission)
     assert "\n" not in str(caught.value)
 
 

@@ -10,16 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ltlf import Formula, caret_lines
+from ltlf.formula import BINARY_STRENGTH, MAX_DEPTH, UNARY_OPERATORS
 from pareto_ltl.logic import FormulaError, parse_formula, positive_normal_form, translate
-from pareto_ltl.logic.formula import (
-    BINARY_STRENGTH,
-    MAX_DEPTH,
-    UNARY_OPERATORS,
-    Formula,
-    caret_lines,
-    check_names,
-    disputed_reading,
-)
+from pareto_ltl.logic.formula import check_names, disputed_reading
 from pareto_ltl.logic.mission import read_formula
 
 names = st.sampled_from(["a", "b", "c", "Goal_1", "x2", "2nd", "höhe", "Fa"]).map(

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl.logic import labels, translate
-from pareto_ltl.logic.hoa import hoa_text
+from ltlf import labels
+from pareto_ltl.logic import translate
 from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.errors import DataError, ParetoLtlError
 from pareto_ltl_apps.formats import hoa_files, hoa_labels
@@ -139,10 +139,10 @@ def test_the_name_of_a_state_changes_nothing() -> None:
 
 def test_letters_are_listed_where_some_are_missing_and_only_there() -> None:
     whole = translate("F(a & F b)")
-    assert "letters:" not in hoa_text(whole)
+    assert "letters:" not in whole.to_hoa()
     some = translate("F(a & F b)", whole.letters[:3])
-    assert "letters: 0 1 2" in hoa_text(some)
-    assert parse_hoa(hoa_text(some)) == some
+    assert "letters: 0 1 2" in some.to_hoa()
+    assert parse_hoa(some.to_hoa()) == some
 
 
 @given(st.integers(1, 2**16 - 2))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 
-from pareto_ltl.logic.patterns import key_door, patrol, sequence
+from ltlf.patterns import key_door, patrol, sequence
 from pareto_ltl_apps.view.in_words import LONGEST, mission_in_words
 from strategies import formulas
 

@@ -9,11 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl.logic import dfa
-from pareto_ltl.logic.formula import parse_formula
-from pareto_ltl.logic.normal_form import positive_normal_form
-from pareto_ltl.logic.progression import DONE_STATE, LOST_STATE, Progression, ProgressionNode
-from pareto_ltl.support.errors import FormulaError
+from ltlf import FormulaError, dfa, parse_formula, positive_normal_form
+from ltlf.progression import DONE_STATE, LOST_STATE, Progression, ProgressionNode
 
 ATOMS = ("a", "b", "c", "d")
 LETTERS = np.arange(1 << len(ATOMS))

@@ -14,8 +14,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.logic import FormulaError, parse_formula, positive_normal_form, translate
-from pareto_ltl.logic.formula import Formula
+from ltlf import Formula, FormulaError, parse_formula, positive_normal_form, translate
 
 ATOMS = ("a", "b")
 LETTERS = [frozenset(s) for n in range(3) for s in itertools.combinations(ATOMS, n)]

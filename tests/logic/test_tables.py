@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pareto_ltl.logic import dfa, patterns, translate
+from ltlf import dfa, patterns, translate
 
 
 def disjoint(names: list[str]) -> list[frozenset[str]]:

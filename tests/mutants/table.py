@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[2] / "src"
-PACKAGES = ("pareto_ltl", "pareto_ltl_apps/formats")  # what plans depend on
+PACKAGES = ("ltlf", "pareto_ltl", "pareto_ltl_apps/formats")  # what plans depend on
 MEASURED = ("pareto_ltl.run.compile_costs",)  # seconds that were measured, for the share that is done
 UNCOMPILED = ("pareto_ltl.kernels",)  # judged by tests that run without compilation
 FOLDERS = (  # of tests, and modules beside them, which run compiled kernels
@@ -36,7 +36,7 @@ EQUIVALENT: dict[tuple[str, str, str, str], str] = {
         "20001",
     ): "a limit of time, on either side of which leads are right",
     (
-        "pareto_ltl.logic.progression",
+        "ltlf.progression",
         "now = 0",
         "0",
         "1",
@@ -54,7 +54,7 @@ EQUIVALENT: dict[tuple[str, str, str, str], str] = {
         "(len(self.known) * self.letters >= MAX_STORED)",
     ): "what is known is worked out again: memory, not results",
     (
-        "pareto_ltl.logic.progression",
+        "ltlf.progression",
         "if 0 in clauses:",
         "0",
         "1",

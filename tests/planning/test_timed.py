@@ -13,12 +13,13 @@ from hypothesis import strategies as st
 from numpy.random import SeedSequence
 from scipy.stats import binom
 
+from ltlf import Formula
 from oracle.margin import mission_margin
 from oracle.path_risk import ordered_bound, theorem2_bound
 from oracle.segments import states_of_flight
 from pareto_ltl.extend import Deployment, simulate_flights
 from pareto_ltl.kernels.letters import states_along
-from pareto_ltl.logic.formula import Formula, parse_formula
+from pareto_ltl.logic import parse_formula
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import FloatArray

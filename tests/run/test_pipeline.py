@@ -123,14 +123,14 @@ def test_a_map_or_a_formula_that_is_missing_is_named_whatever_asks_for_it(
 
 
 def test_the_formula_is_parsed_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    from pareto_ltl.logic import formula
+    from ltlf import formula
 
     parsed: list[str] = []
     original = formula.FormulaParser.__init__
 
-    def counted(self: Any, text: str) -> None:
+    def counted(self: Any, text: str, advice: Any) -> None:
         parsed.append(text)
-        original(self, text)
+        original(self, text, advice)
 
     formula._parsed.cache_clear()  # noqa: SLF001
     monkeypatch.setattr(formula.FormulaParser, "__init__", counted)

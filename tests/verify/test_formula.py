@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from pareto_ltl.logic import FormulaError, translate
 from pareto_ltl.logic.automaton import Automaton
-from pareto_ltl.logic.hoa import hoa_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl_verify.formula import Dfa, covers, distances, first_difference, read_formula, read_hoa, unlike
 
@@ -54,7 +53,7 @@ def test_the_automaton_of_the_translator_is_that_of_the_formula(text: str) -> No
     assert first_difference(dfa, text) is None
     assert distances(dfa).tolist() == automaton.distance.tolist()
     assert covers(dfa).tolist() == automaton.preorder.tolist()
-    again = read_hoa(hoa_text(automaton), dfa.letters)
+    again = read_hoa(automaton.to_hoa(), dfa.letters)
     assert again == dfa
     assert unlike(dfa, again) is None
 
@@ -71,7 +70,7 @@ def test_random_formulas_over_random_letters_have_the_automaton_of_the_translato
         return
     dfa = as_dfa(automaton)
     assert first_difference(dfa, text) is None
-    assert unlike(dfa, read_hoa(hoa_text(automaton), dfa.letters)) is None
+    assert unlike(dfa, read_hoa(automaton.to_hoa(), dfa.letters)) is None
 
 
 @given(formulas, formulas)

@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pareto_ltl
+from ltlf import Formula, name_fault
 from pareto_ltl.logic.automaton import translate
-from pareto_ltl.logic.formula import Formula, parse_formula
-from pareto_ltl.logic.hoa import hoa_text
+from pareto_ltl.logic.formula import parse_formula
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.mission import SceneConfig
 from pareto_ltl.support.errors import DataError, FormulaError
-from pareto_ltl.support.names import joined_names, name_fault, quoted_name, split_names
+from pareto_ltl.support.names import joined_names, quoted_name, split_names
 from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.formats.hoa_files import read_hoa
@@ -51,7 +51,7 @@ def test_names_of_one_word_stay_as_they_were() -> None:
 
 def test_an_automaton_keeps_the_names_in_its_file(tmp_path: Path) -> None:
     automaton = translate(" & ".join(f'F "{name}"' for name in NAMES[:3]))
-    (tmp_path / "m.hoa").write_text(hoa_text(automaton), encoding="utf-8")
+    (tmp_path / "m.hoa").write_text(automaton.to_hoa(), encoding="utf-8")
     assert read_hoa(tmp_path / "m.hoa").atoms == automaton.atoms == tuple(sorted(NAMES[:3]))
 
 

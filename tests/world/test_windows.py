@@ -8,12 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ltlf.spans import read_span, shown_span
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.times import duration_seconds, seconds_after
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
-from pareto_ltl.world.windows import TimedPlace, Window, missed_windows, read_span, shown_span, span_text
+from pareto_ltl.world.windows import TimedPlace, Window, missed_windows, span_text
 
 DEPARTURE = "2018-10-09T06:00:00Z"
 SQUARE = [[1, 1], [2, 1], [2, 2], [1, 2]]

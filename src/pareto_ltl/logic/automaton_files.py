@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from pareto_ltl.logic.automaton import Automaton
-from pareto_ltl.logic.hoa import hoa_text
 from pareto_ltl.support.archives import stored
 from pareto_ltl.support.files import write_bytes, write_json
 from pareto_ltl.world.windows import Window
@@ -29,7 +28,7 @@ def write_automaton(directory: Path, automaton: Automaton) -> None:
         content["windows"] = {name: window.as_dict() for name, window in automaton.windows.items()}
         content["forbidden"] = automaton.forbidden
     write_json(directory / "automaton.json", content)
-    write_bytes(directory / "automaton.hoa", hoa_text(automaton).encode())
+    write_bytes(directory / "automaton.hoa", automaton.to_hoa().encode())
 
 
 def read_automaton(place: Path | str) -> Automaton:

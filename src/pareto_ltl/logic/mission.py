@@ -7,11 +7,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ltlf import Letter
 from pareto_ltl.logic import patterns
-from pareto_ltl.logic.automaton import Automaton, Letter, translate
-from pareto_ltl.logic.formula import check_names, disputed_reading, parse_formula
-from pareto_ltl.logic.hoa import automaton_formats
-from pareto_ltl.logic.normal_form import positive_normal_form
+from pareto_ltl.logic.automaton import Automaton, translate
+from pareto_ltl.logic.automaton_formats import automaton_formats
+from pareto_ltl.logic.formula import check_names, disputed_reading, parse_formula, positive_normal_form
 from pareto_ltl.logic.timed import keep_clear, timed_letters
 from pareto_ltl.support.errors import ConfigError, DataError, FormulaError
 from pareto_ltl.support.messages import shown_text
@@ -77,7 +77,7 @@ def read_formula(text: str, letters: Iterable[Iterable[str]] | None = None) -> A
     """The minimal automaton of a co-safe formula; ``accepts`` returns whether a word completes the mission.
 
     Operators may be written as in Spot, NuSMV, Spin, papers and TeX, with the precedence of Spot
-    (:mod:`pareto_ltl.logic.formula_words`). A text that other tools read in another order is logged with its
+    (:mod:`ltlf.words`). A text that other tools read in another order is logged with its
     parentheses.
 
     Parameters

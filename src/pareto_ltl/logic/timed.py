@@ -10,8 +10,8 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from pareto_ltl.logic.automaton import Automaton, Letter, alphabet_of, automaton_from_table
-from pareto_ltl.logic.dfa import TransitionTable
+from ltlf import Letter, TransitionTable
+from pareto_ltl.logic.automaton import Automaton, alphabet_of, automaton_from_table
 from pareto_ltl.support.errors import FormulaError
 from pareto_ltl.world.windows import Window
 
@@ -73,6 +73,3 @@ def keep_clear(automaton: Automaton, names: tuple[str, ...], labels: Iterable[Le
     table = TransitionTable(delta, np.append(automaton.accepting, False))
     found = automaton_from_table(table, alphabet, atoms, automaton.formula)
     return replace(found, forbidden=names)
-
-
-# --- the rest of a mission --------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
+from ltlf import show_letter
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import growth as kernel
 from pareto_ltl.kernels import tree as kt
@@ -24,7 +25,6 @@ from pareto_ltl.kernels.dijkstra import Product
 from pareto_ltl.kernels.growth import Fans
 from pareto_ltl.kernels.neighbours import Bins
 from pareto_ltl.kernels.parents import Dominance
-from pareto_ltl.logic.automaton import show_letter
 from pareto_ltl.planning.problem import Problem, start_breach
 from pareto_ltl.planning.product_graph import cell_fans, empty_heap, farthest_states, product_graph
 from pareto_ltl.planning.records import Forest, Tree

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ltlf import Letter
 from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
-from pareto_ltl.logic.automaton import Automaton, Letter
+from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.logic.timed import letter_of
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import Decomposition

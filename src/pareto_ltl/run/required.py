@@ -20,8 +20,7 @@ def require_formula(mission: MissionConfig) -> None:
     """Raise ConfigError if there is no formula, FormulaError if it cannot be read."""
     if mission.automaton:
         return
-    from pareto_ltl.logic.formula import parse_formula as parse
-    from pareto_ltl.logic.normal_form import positive_normal_form as positive
+    from pareto_ltl.logic.formula import parse_formula, positive_normal_form
     from pareto_ltl.logic.patterns import formula_of
 
     formula = formula_of(mission)
@@ -30,4 +29,4 @@ def require_formula(mission: MissionConfig) -> None:
             "mission.formula is missing: choose a ready mission with +experiment=NAME "
             f"({', '.join(choices('experiment'))}) or give one, e.g. \"mission.formula='F(a & F b)'\""
         )
-    positive(parse(formula))  # the automaton is made of the same tree, from the cache of ``parse``
+    positive_normal_form(parse_formula(formula))  # the automaton is made of the same tree, from a cache

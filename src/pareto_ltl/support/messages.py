@@ -43,11 +43,3 @@ def shown_line(line: str) -> str:
 
 def _printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
-
-
-def caret_lines(text: str, column: int) -> str:
-    """Two lines: the formula near the zero-based ``column``, and a caret under it."""
-    line = "".join(character if character.isprintable() else " " for character in text)
-    first, beyond = max(0, column - SHOWN_WIDTH // 2), column + SHOWN_WIDTH // 2
-    before, after = "..." if first else "", "..." if len(line) > beyond else ""
-    return f"{before}{line[first:beyond]}{after}\n{' ' * (len(before) + column - first)}^"

@@ -114,8 +114,8 @@ def formula(options: Namespace) -> Answer:
     """The meaning of a formula; after one line and a caret, exit code 2 for a mistake in it."""
     import numpy as np
 
+    from ltlf import caret_lines
     from pareto_ltl.extend import disputed_reading, parse_formula, translate
-    from pareto_ltl.support.messages import caret_lines
     from pareto_ltl_apps.view.automaton_picture import dot_text, save_picture
 
     text = options.formula

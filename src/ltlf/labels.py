@@ -1,7 +1,7 @@
 """Sets of letters as short Boolean expressions, e.g. ``b & !c`` instead of 64 letters.
 
 A cube (care, value) is the set of letters whose bits in ``care`` agree with ``value``. Letters that cannot
-occur are don't-cares, which keeps labels short for disjoint regions.
+occur are don't-cares, which keeps labels short for propositions that exclude each other.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pareto_ltl.logic.automaton import Automaton, letter_codes
-from pareto_ltl.support.arrays import IntArray
+from ltlf.automaton import Dfa, letter_codes
+from ltlf.dfa import IntArray
 
 Cube = tuple[int, int]
 DecisionTree = int | tuple[int, "DecisionTree", "DecisionTree"]
@@ -85,7 +85,7 @@ def _cube_literals(cube: Cube, names: tuple[str, ...]) -> list[str]:
     return [name if value >> i & 1 else f"!{name}" for i, name in enumerate(names) if care >> i & 1]
 
 
-def edge_labels(automaton: Automaton) -> dict[tuple[int, int], str]:
+def edge_labels(automaton: Dfa) -> dict[tuple[int, int], str]:
     """Label of each edge (from, to): its letters, or ``!(other letters)`` if that text is shorter."""
     codes = letter_codes(automaton.atoms, automaton.letters)
     result = {}

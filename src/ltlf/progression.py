@@ -23,10 +23,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto_ltl.logic import dfa as tables
-from pareto_ltl.logic.dfa import TransitionTable
-from pareto_ltl.logic.formula import Formula
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from ltlf import dfa as tables
+from ltlf.dfa import FloatArray, IntArray, TransitionTable
+from ltlf.errors import StatesError
+from ltlf.formula import Formula
 
 ProgressionState = tuple[int, ...]  # clauses; a clause is a set of obligations, one bit for each
 OBLIGATION_KINDS = ("X", "U", "+", "-")  # operators of the nodes in clauses
@@ -301,7 +301,7 @@ class Progression:
         if 0 in clauses:
             return DONE_STATE
         if len(clauses) > self.max_states:
-            raise tables.too_many_states(self.max_states)
+            raise StatesError(self.max_states)
         remaining = sorted(clauses)
         for clause in remaining[:]:
             if clause in remaining:

@@ -1,4 +1,4 @@
-r"""The words of formulas: operators as this program, other tools, papers and TeX write them.
+r"""The words of formulas: operators as this package, other tools, papers and TeX write them.
 
 A text becomes tokens, each an operator in its canonical spelling, a constant, a name or a time span. Accepted
 besides the canonical spellings are
@@ -19,8 +19,8 @@ import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.names import QUOTED
+from ltlf.advice import Advice
+from ltlf.texts import QUOTED, shown_text
 
 BYTE_ORDER_MARK = "\ufeff"  # at the start of a text that was saved on Windows
 STRONG_NEXT = "[!]"  # X[!] of LTL on finite words; our X is strong, too
@@ -71,12 +71,12 @@ _TOKEN = re.compile(rf"{_FONT}|{'|'.join(map(re.escape, _SIGNS))}|\[[^\[\]]*\]|[
 OPERAND_TEXT = "a proposition, 'true', 'false', '(' or one of ! X F"
 
 _FOREIGN = (  # other kinds of formulas: a pattern of the text, what it is, the way out
-    (r"^\s*HOA:", "an automaton in the HOA format", "name its file as mission.automaton"),
+    (r"^\s*HOA:", "an automaton in the HOA format", "read it as an automaton"),
     (r"^\s*(LTL|CTL|INVAR|PSL)?SPEC\b", "a specification of NuSMV",
      "write the formula alone, after the word"),
     (r"^\s*ltl\s+\w*\s*\{", "a claim of Spin", "write the formula alone, what stands between { and }"),
     (r"\b[PRS]\s*(min|max)?\s*(=\s*\?|[<>]=?\s*[\d.])", "a property of PRISM (PCTL)",
-     "write the path formula alone, what stands between [ and ]; the failure probability is minimised"),
+     "write the path formula alone, what stands between [ and ]"),
     (r"\b[FGXURW]\s*[<>]=?\s*\d", "an operator with a limit in steps",
      "write limits as times, such as F[0,6h] a"),
     (r"[FGXURW◇□]\s*_\s*[\[{(]|\\(Box|Diamond|square)\s*_", "an operator with a subscript, as in "
@@ -86,10 +86,10 @@ _FOREIGN = (  # other kinds of formulas: a pattern of the text, what it is, the 
     (r"^\s*\(\s*(and|or|not|always|sometime|forall|exists)\b[^)]*\(", "a goal of PDDL",
      "write operators between their operands, as in F a & F b"),
     (r"\b[AE]\s*\[|\b[AE]\s*[FGX]\b|\b[AE][FGX](?=\s+[\w(!]|\()", "a formula of CTL",
-     "leave out A and E: a mission is about one path, as in F a"),
+     "leave out A and E: a formula is about one word, as in F a"),
     (r"[\w)\]]\s*(<=|>=|<|>|==|!=)\s*-?[\d.]+", "a comparison of numbers, as in signal temporal logic",
-     "draw the set of positions as a region and write its name"),
-    (r"[∀∃]|\\(forall|exists)\b", "a quantifier", "write one formula for each region, joined by & or |"),
+     "write a proposition that holds where the comparison does"),
+    (r"[∀∃]|\\(forall|exists)\b", "a quantifier", "write one formula for each case, joined by & or |"),
 )  # fmt: skip
 
 
@@ -151,9 +151,9 @@ def _meaningless(rest: str) -> str:
     return f"'{shown_text(rest[0])}' has no meaning in a formula{hint}"
 
 
-def foreign_format(text: str) -> str:
+def foreign_format(text: str, advice: Advice) -> str:
     """What a text that is no formula seems to be, and the way out; empty if that is not known."""
     for pattern, kind, cure in _FOREIGN:
         if re.search(pattern, text):
-            return f"; it looks like {kind}: {cure}"
+            return f"; it looks like {kind}: {advice.foreign.get(kind, cure)}"
     return ""

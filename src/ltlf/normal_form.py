@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from pareto_ltl.logic.formula import (
+from ltlf.advice import PLAIN_ADVICE, Advice
+from ltlf.errors import FormulaError
+from ltlf.formula import (
     FALSE_FORMULA,
     TRUE_FORMULA,
     Formula,
@@ -10,17 +12,14 @@ from pareto_ltl.logic.formula import (
     flat_chain,
     formula_text,
 )
-from pareto_ltl.support.display import listed_text
-from pareto_ltl.support.errors import FormulaError
-from pareto_ltl.support.messages import caret_lines
-from pareto_ltl.support.names import quoted_name
-from pareto_ltl.world.windows import Span, end_clock, shown_span, span_clock
+from ltlf.spans import Span, end_clock, shown_span, span_clock
+from ltlf.texts import caret_lines
 
 FOREVER_OPERATORS = ("G", "R", "W")
 TEMPORAL = frozenset("XFGURWM")
 
 
-def positive_normal_form(tree: Formula, text: str = "") -> Formula:
+def positive_normal_form(tree: Formula, text: str = "", advice: Advice = PLAIN_ADVICE) -> Formula:
     """The positive normal form, with negation of propositions only and operators ``& | X F U M``.
 
         !X p = X !p,   !(p R q) = !p U !q,   !(p W q) = !p M !q,   !G p = F !p
@@ -35,24 +34,23 @@ def positive_normal_form(tree: Formula, text: str = "") -> Formula:
         message names the operator as the user wrote it, and a note points at it in ``text`` if that is given.
     """
     try:
-        _check_spans(tree)
-        return _NormalForm(_way_out(tree)).of(tree, None)
+        _check_spans(tree, advice)
+        return _NormalForm(advice, _way_out(tree, advice)).of(tree, None)
     except FormulaError as error:
         if text and error.column is not None:
             error.add_note(caret_lines(text, error.column))
         raise
 
 
-def _check_spans(tree: Formula) -> None:
-    """Raise a FormulaError for a time span below a temporal operator, as spans count from departure."""
+def _check_spans(tree: Formula, advice: Advice) -> None:
+    """Raise a FormulaError for a time span below a temporal operator, as spans count from the start."""
     stack: list[tuple[Formula, Formula | None]] = [(tree, None)]
     while stack:
         node, above = stack.pop()
         if node.span is not None and above is not None:
             raise FormulaError(
                 f"the time span {shown_span(node.span)} stands below '{above.word or above.op}' of column "
-                f"{above.column + 1}; spans count from departure: put it outside, as in F[0,6h] (a & b), or "
-                f"give the region a time window (column {node.column + 1})",
+                f"{above.column + 1}; {advice.spans} (column {node.column + 1})",
                 node.column,
             )
         inner = node if node.op in "XFGURWM" else above
@@ -62,8 +60,9 @@ def _check_spans(tree: Formula) -> None:
 class _NormalForm:
     """One conversion; results are shared, since ``<->`` needs both signs of its operands."""
 
-    def __init__(self, cure: str = "") -> None:
+    def __init__(self, advice: Advice, cure: str) -> None:
         self.done: dict[tuple[int, bool], Formula] = {}
+        self.advice = advice
         self.cure = cure  # what to write instead of G, for the error message
 
     def of(self, node: Formula, negation: Formula | None) -> Formula:
@@ -92,7 +91,7 @@ class _NormalForm:
         if node.span is not None:
             return self.within_span(op, node.span, self.of(args[0], negation))
         if op in FOREVER_OPERATORS:
-            raise _not_co_safe(node, negation, self.cure)
+            raise _not_co_safe(node, negation, self.advice, self.cure)
         new = []
         for arg in args:
             new.append(self.of(arg, negation))  # noqa: PERF401 - on 3.11 a comprehension recurses twice
@@ -121,8 +120,8 @@ class _NormalForm:
 _DUAL_OPERATORS = {"X": "X", "F": "G", "G": "F", "U": "R", "R": "U", "W": "M", "M": "W"}
 
 
-def _not_co_safe(node: Formula, negation: Formula | None, cure: str) -> FormulaError:
-    why = "promises something for ever; no finite flight can complete it"
+def _not_co_safe(node: Formula, negation: Formula | None, advice: Advice, cure: str) -> FormulaError:
+    why = f"promises something for ever; {advice.endless}"
     shown = elided_text(formula_text(node, node.word))
     if negation is None:
         message = f"operator '{node.word}': '{shown}' {why}"
@@ -145,10 +144,10 @@ def _not_co_safe(node: Formula, negation: Formula | None, cure: str) -> FormulaE
 # Reach and avoid
 
 
-def _way_out(tree: Formula) -> str:
-    """What to write instead of a conjunction with ``G`` of regions to avoid; empty if there is no such text.
+def _way_out(tree: Formula, advice: Advice) -> str:
+    """What to write instead of a conjunction with ``G`` of what to avoid; empty if there is no such text.
 
-    A mission is over when it is complete. So "F a, and never b" is ``!b U (a & !b)``.
+    A word is over when the formula holds. So "F a, and never b" is ``!b U (a & !b)``.
     """
     parts = tree.args if tree.op == "&" else (tree,)
     safe, rest = list[Formula](), list[Formula]()
@@ -163,14 +162,12 @@ def _way_out(tree: Formula) -> str:
     except ValueError:
         return ""
     if rest:
-        cure = f"a flight ends with its last visit: write '{text}'"
+        cure = advice.ended.format(text)
     else:
-        inside = text if len(clear.args) < 2 else f"({text})"
-        cure = f"a flight ends with a visit: write '{inside} U goal', with the region to visit as goal"
+        cure = advice.unended.format(text if len(clear.args) < 2 else f"({text})")
     if any(literal.op != "!" or literal.args[0].op != "name" for literal in literals):
         return cure
-    names = listed_text([quoted_name(literal.args[0].name) for literal in literals], 3)
-    return f"{cure}, or draw {names} as {'obstacles' if len(literals) > 1 else 'an obstacle'}"
+    return cure + advice.excluded([literal.args[0].name for literal in literals])
 
 
 def _lasting(part: Formula) -> Formula | None:

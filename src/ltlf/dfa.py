@@ -12,13 +12,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.support.errors import FormulaError
+from ltlf.errors import FormulaError, StatesError
 
 MAX_ENTRIES = 2**24  # states x letters; 128 MiB as int64
 SAMPLE_LETTERS = 32  # number of letters by which blocks are split first, before all letters are used
 BLOCK_ENTRIES = 2**16  # table entries, or pairs of states, per block: small enough for the cache
 
+BoolArray = NDArray[np.bool_]
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 TransitionArray = NDArray[np.integer]
 
 
@@ -29,18 +31,10 @@ class TransitionTable(NamedTuple):
     accepting: BoolArray
 
 
-def too_many_states(max_states: int) -> FormulaError:
-    """The error of an automaton with more than ``max_states`` states."""
-    return FormulaError(
-        f"the automaton has more than {max_states} states; simplify the formula, pass only the letters "
-        "that can occur, or raise logic.max_states"
-    )
-
-
 def check_table_size(states: int, letters: int, max_states: int) -> None:
     """Raise a FormulaError if the table has too many states or entries."""
     if states > max_states:
-        raise too_many_states(max_states)
+        raise StatesError(max_states)
     if states * letters > MAX_ENTRIES:
         raise FormulaError(
             f"the automaton needs a table of more than {states - 1} states x {letters} letters "
@@ -57,7 +51,7 @@ def product_table(a: TransitionTable, b: TransitionTable, both: bool, max_states
     """
     letters, wide = a.delta.shape[1], len(b.delta)
     if len(a.delta) * wide >= 2**31:
-        raise too_many_states(max_states)
+        raise StatesError(max_states)
     decided_a, decided_b = (trap_states(t) if both else t.accepting for t in (a, b))
     da, db = a.delta.astype(np.int64) * wide, b.delta.astype(np.int64)
     # number of each pair, from 1; 0: not reached; the system allocates no memory for unused pages
