@@ -40,6 +40,7 @@ from pareto_ltl.planning.refine.starts import (
     returning_starts,
     tree_starts,
 )
+from pareto_ltl.planning.refine.sweep import first_of
 from pareto_ltl.planning.routes.path_classes import path_class
 from pareto_ltl.planning.routes.search_map import sights
 from pareto_ltl.planning.selection import hypervolume
@@ -86,13 +87,13 @@ def grown():
 
 def searched(problem, starts, flights, *limits):
     """What one search finds; ``limits``: a budget, and who hears of its progress."""
-    begun = front_sweep.new_sweep(EFFORT, problem, flights, *limits)
+    begun = front_sweep.new_sweep(EFFORT, problem, first_of(flights), *limits)
     return front_sweep.searched(begun, levels.looks(begun, starts))
 
 
 def refined(problem, forest, seed=5):
     flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(seed))
-    return sampled_paths(EFFORT, problem, forest, flights)
+    return sampled_paths(EFFORT, problem, forest, first_of(flights))
 
 
 @cache
@@ -104,7 +105,9 @@ def test_a_search_is_no_worse_than_a_coarse_one_at_the_same_length(grown):
     problem, forest = grown
     cfg = RefineConfig(flights=600, sweep_flights=120, classes=3, points=20)
     flights = draw_flights(problem, problem.fidelity.law, Effort.of(cfg).all_flights, SeedSequence(5))
-    coarse, full = (sampled_paths(Effort.of(c), problem, forest, flights) for c in (cfg.coarse(), cfg))
+    coarse, full = (
+        sampled_paths(Effort.of(c), problem, forest, first_of(flights)) for c in (cfg.coarse(), cfg)
+    )
     usual = flights.only(np.arange(cfg.flights))
 
     def row(path):
@@ -141,7 +144,7 @@ def test_scouts_have_different_flights(grown):
     problem, forest = grown
     cfg = RefineConfig(flights=1000, sweep_flights=100)
     drawn = draw_flights(problem, problem.fidelity.law, Effort.of(cfg).all_flights, SeedSequence(5))
-    found = list(front_sweep.scouts(front_sweep.new_sweep(Effort.of(cfg), problem, drawn)))
+    found = list(front_sweep.scouts(front_sweep.new_sweep(Effort.of(cfg), problem, first_of(drawn))))
     assert [(len(s.few), len(s.flights)) for s in found] == [(100, 1000)] * 2
     flight = propagate(problem, next(iter(first_starts(problem, forest).values())).x)
     ends = [s.few.positions(flight)[:, -1] for s in found]
@@ -153,7 +156,7 @@ def test_scouts_share_the_flights_where_there_are_few_and_a_coarse_search_has_on
     cfg = RefineConfig(flights=60, sweep_flights=40)
     drawn = draw_flights(problem, problem.fidelity.law, cfg.flights, SeedSequence(5))
     for settings, number in ((cfg, 2), (cfg.coarse(), 1)):
-        found = list(front_sweep.scouts(front_sweep.new_sweep(Effort.of(settings), problem, drawn)))
+        found = list(front_sweep.scouts(front_sweep.new_sweep(Effort.of(settings), problem, first_of(drawn))))
         assert [(len(s.few), len(s.flights)) for s in found] == [(40, 60)] * number
 
 
@@ -437,7 +440,7 @@ def test_what_is_left_of_a_budget_betters_the_front(grown):
     """On the flights of the sweep no front is worse than the one before, and the last is better."""
     problem, _ = grown
     flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(5))
-    sweep = front_sweep.new_sweep(EFFORT, problem, flights, CountedBudget(150))
+    sweep = front_sweep.new_sweep(EFFORT, problem, first_of(flights), CountedBudget(150))
     begun = front_within(grown, UNLIMITED)[::3]
     fronts = [begun, *front_sweep.improved_fronts(sweep, begun)]
     reference = np.array([1.0, 2.0 * begun[-1].length])
@@ -449,7 +452,7 @@ def test_what_is_left_of_a_budget_betters_the_front(grown):
 def test_without_a_budget_nothing_is_varied(grown):
     problem, _ = grown
     flights = draw_flights(problem, problem.fidelity.law, 20, SeedSequence(5))
-    sweep = front_sweep.new_sweep(EFFORT, problem, flights)
+    sweep = front_sweep.new_sweep(EFFORT, problem, first_of(flights))
     assert list(front_sweep.improved_fronts(sweep, front_within(grown, CountedBudget(5)))) == []
 
 
@@ -458,7 +461,7 @@ def test_progress_tells_how_many_paths_there_are_and_how_the_safest_fails(grown)
     told = []
     cfg = replace(REFINE, classes=3)
     flights = draw_flights(problem, problem.fidelity.law, cfg.flights, SeedSequence(5))
-    paths = sampled_paths(Effort.of(cfg), problem, forest, flights, lambda *news: told.append(news))
+    paths = sampled_paths(Effort.of(cfg), problem, forest, first_of(flights), lambda *news: told.append(news))
     steps = [done for done, *_ in told]
     assert steps == list(range(1, 6))  # two of each scout, and the last polish
     assert {total for _, total, *_ in told} == {5}
@@ -475,7 +478,7 @@ def looked(grown):
     """A sweep and what its first looks make of the starts, with all of its flights."""
     problem, forest = grown
     flights = draw_flights(problem, "coherent", EFFORT.all_flights, SeedSequence(5))
-    begun = sweep.new_sweep(EFFORT, problem, flights)
+    begun = sweep.new_sweep(EFFORT, problem, first_of(flights))
     return begun, levels.looks(begun, first_starts(problem, forest))
 
 
@@ -514,7 +517,7 @@ def test_the_widest_gaps_of_a_front_are_divided(grown):
     """Points come between its ends, and the hypervolume rises."""
     problem, _ = grown
     flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(5))
-    begun = front_sweep.new_sweep(Effort.of(replace(REFINE, points=12)), problem, flights)
+    begun = front_sweep.new_sweep(Effort.of(replace(REFINE, points=12)), problem, first_of(flights))
     front = front_within(grown, UNLIMITED)
     few = [front[0], front[-1]]
     more = last_polish.divided_gaps(begun, few)
@@ -556,7 +559,7 @@ def test_where_all_searches_break_epsilon_the_nearest_paths_are_led_past_other_s
     wind = smooth_wind(scene, speed=1.5, sd=0.9, gust=0.5)
     problem = make_problem("F a", scene, wind, robot, planner, fidelity="full")
     flights = draw_flights(problem, "coherent", REFINE.flights, SeedSequence(5))
-    begun = sweep.new_sweep(EFFORT, problem, flights)
+    begun = sweep.new_sweep(EFFORT, problem, first_of(flights))
     straight = resampled_means(problem, KM * np.array([[4.0, 10.0], [15.0, 10.0]]), 12)
     through = begun.refiner.assessed(propagate(problem, straight), begun.few, 100.0, "through the gap")
     monkeypatch.setattr(front_sweep, "finished", lambda *_: [through])

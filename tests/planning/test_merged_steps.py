@@ -18,6 +18,7 @@ from pareto_ltl.planning.refine.front_sweep import steps_to_merge
 from pareto_ltl.planning.refine.sampled import divided
 from pareto_ltl.planning.refine.separation import keeps_epsilon
 from pareto_ltl.planning.refine.starts import Start, first_starts
+from pareto_ltl.planning.refine.sweep import first_of
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.world.windows import Window
 from problems import box, make_problem, make_scene, smooth_wind
@@ -97,7 +98,7 @@ def test_paths_in_merged_steps_are_flown_in_all_steps() -> None:
     problem = task()
     forest = grow_forest(PLANNER, problem, SeedSequence(3))
     flights = draw_flights(problem, "coherent", REFINE.flights, SeedSequence(5))
-    found = sampled_paths(EFFORT, problem, forest, flights)
+    found = sampled_paths(EFFORT, problem, forest, first_of(flights))
     assert found
     for path in found:
         assert len(path.u) > EFFORT.merged_from

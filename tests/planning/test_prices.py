@@ -17,6 +17,7 @@ from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.refine import Effort, prices, programme, sampled_paths
 from pareto_ltl.planning.refine.sampled import Polish, Refiner
 from pareto_ltl.planning.refine.separation import separation
+from pareto_ltl.planning.refine.sweep import first_of
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.support.arrays import length_of
 from problems import box, make_problem, make_scene, smooth_wind
@@ -48,7 +49,8 @@ def planned():
     problem, planner = task()
     cfg = RefineConfig(flights=300, sweep_flights=100, classes=2, points=4)
     flights = draw_flights(problem, "coherent", 1200, SeedSequence(1))
-    path = sampled_paths(Effort.of(cfg), problem, grow_forest(planner, problem, SeedSequence(3)), flights)[0]
+    forest = grow_forest(planner, problem, SeedSequence(3))
+    path = sampled_paths(Effort.of(cfg), problem, forest, first_of(flights))[0]
     return problem, path, simulate_flights(problem, path.u, 4000, "coherent", SeedSequence(2), path.x).x
 
 

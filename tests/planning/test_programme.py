@@ -22,6 +22,7 @@ from pareto_ltl.planning.refine.programme import Descent
 from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Polish, Refiner
 from pareto_ltl.planning.refine.separation import barrier_names, breach_text, separation, within_limits
 from pareto_ltl.planning.refine.starts import first_starts
+from pareto_ltl.planning.refine.sweep import first_of
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.support.arrays import square_matrices
 from pareto_ltl.support.errors import ConfigError
@@ -168,7 +169,7 @@ def test_every_refined_path_ends_in_the_programme_and_keeps_epsilon(grown, monke
     descend = programme.Programme.descend
     monkeypatch.setattr(programme.Programme, "descend", lambda *args: solved.append(1) or descend(*args))
     flights = draw_flights(problem, "coherent", REFINE.flights, SeedSequence(5))
-    found = sampled_paths(Effort.of(REFINE), problem, forest, flights)
+    found = sampled_paths(Effort.of(REFINE), problem, forest, first_of(flights))
     paths = within_limits(problem, found)
     assert len(solved) >= len(found) > 1
     assert len(paths) > 1

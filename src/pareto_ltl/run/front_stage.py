@@ -23,7 +23,7 @@ from pareto_ltl.planning.refine.separation import (
     within_limits,
 )
 from pareto_ltl.settings import Settings
-from pareto_ltl.simulation.common_flights import draw_flights, is_certain
+from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights, is_certain
 from pareto_ltl.simulation.judging import judge_front
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.errors import InfeasibleError
@@ -182,8 +182,11 @@ def _sampled_refinement(search: Search, raw: Sequence[PlannedPath]) -> tuple[Pla
     if is_certain(problem):
         return _convex_refinement(search, raw, flown_lines(problem))
     effort = Effort.of(search.settings.refine)
-    flights = draw_flights(problem, problem.fidelity.law, effort.all_flights, search.seeds)
-    return sampled_paths(effort, problem, search.forest, flights, search.progress, search.budget)
+
+    def draw(runs: int) -> DrawnFlights:
+        return draw_flights(problem, problem.fidelity.law, runs, search.seeds)
+
+    return sampled_paths(effort, problem, search.forest, draw, search.progress, search.budget)
 
 
 Refiner = Callable[[Search, Sequence[PlannedPath]], tuple[PlannedPath, ...]]

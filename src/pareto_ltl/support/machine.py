@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from pathlib import Path
+from threading import Lock
 from typing import Any, TypeVar
 
 from pareto_ltl.support.errors import ConfigError
@@ -47,6 +49,17 @@ def on_all_cores(make: Callable[..., Made], *arguments: Iterable[Any]) -> list[M
 
     with ThreadPoolExecutor(cores()) as pool:
         return list(pool.map(make, *arguments))
+
+
+def made_once(make: Callable[[], Made]) -> Callable[[], Made]:
+    """``make``, which is called once, by the first thread that needs what it returns."""
+    lock, cached = Lock(), cache(make)
+
+    def made() -> Made:
+        with lock:
+            return cached()
+
+    return made
 
 
 def available_memory() -> float:

@@ -42,7 +42,7 @@ from pareto_ltl.planning.records import Forest, PlannedPath
 from pareto_ltl.planning.refine import last_polish
 from pareto_ltl.planning.refine.effort import Effort
 from pareto_ltl.planning.refine.levels import first_look, looks, swept_down
-from pareto_ltl.planning.refine.sampled import Candidate, CommonFlights, divided
+from pareto_ltl.planning.refine.sampled import Candidate, divided
 from pareto_ltl.planning.refine.starts import (
     Start,
     StartKind,
@@ -53,7 +53,7 @@ from pareto_ltl.planning.refine.starts import (
     tree_starts,
     unlike_starts,
 )
-from pareto_ltl.planning.refine.sweep import SCOUT_STEPS, Progress, Sweep, front_of, new_sweep
+from pareto_ltl.planning.refine.sweep import SCOUT_STEPS, Draw, Progress, Sweep, front_of, new_sweep
 from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.display import distance_text
@@ -64,23 +64,23 @@ LONG = 1e5  # [m] lengths above have no decimals in messages
 
 
 def sampled_paths(
-    effort: Effort, problem: Problem, forest: Forest | None, flights: CommonFlights,
+    effort: Effort, problem: Problem, forest: Forest | None, draw: Draw,
     progress: Progress | None = None, budget: Budget = UNLIMITED,
 ) -> tuple[PlannedPath, ...]:  # fmt: skip
-    """Paths of many lengths on which few of the common ``flights`` fail, shortest first.
+    """Paths of many lengths on which few of the common flights fail, shortest first; ``draw`` makes these.
 
     It is empty if there is no start, or if none became a path that can be flown; a warning then says why.
     """
     with ThreadPoolExecutor(1) as pool:
         found = pool.submit(first_starts, problem, forest, effort)
-        sweep = new_sweep(effort, problem, flights, budget, progress)
+        sweep = new_sweep(effort, problem, draw, budget, progress)
         starts = found.result()
     times = steps_to_merge(effort, problem, starts.values())
     if times > 1:
         merged = with_merged_steps(problem, times)
         runs = starts_in_merged_steps(effort, problem, merged, forest, times)
         if runs:  # else the wind ends too soon
-            long = new_sweep(effort, merged, flights.merged(merged, times), budget, progress)
+            long = new_sweep(effort, merged, lambda n: draw(n).merged(merged, times), budget, progress)
             ended = on_all_cores(partial(in_all_steps, sweep, times), _searches(long, runs))
             return _paths_of(sweep, ended, partial(slower_runs, sweep, times))
     return _paths_of(sweep, _searches(sweep, starts), partial(last_polish.repaired, sweep))
@@ -137,14 +137,15 @@ def _beside(sweep: Sweep, ended: Iterable[Candidate]) -> list[Candidate]:
 
 
 def scouts(sweep: Sweep) -> Iterator[Sweep]:
-    """Sweeps that differ in their flights, of ``sweep.many``; one of a coarse search.
+    """Sweeps that differ in their flights, of ``sweep.flights`` if there are enough; one of a coarse search.
 
     What a sweep misses depends on which flights it is fitted to, more than on how many: on five missions
     four times as many flights did not make seeds agree better, and a second sweep did.
     """
-    number, every, n = sweep.effort.scouts, len(sweep.many), len(sweep.few)
+    number, n = sweep.effort.scouts, len(sweep.few)
+    drawn = sweep.flights if number * n <= len(sweep.flights) else sweep.many()
     for k in range(number):
-        few = sweep.many.only(np.sort((np.arange(n) + k * n) % every))
+        few = drawn.only(np.sort((np.arange(n) + k * n) % len(drawn)))
         budget = sweep.budget.until(sweep.effort.sweep_share * (k + 1) / number)
         yield replace(sweep, few=few, budget=budget, before=SCOUT_STEPS * k)
 

@@ -121,7 +121,7 @@ def _finished(sweep: Sweep, k: Candidate, cap: float, passes: Passes | None = No
         made = min(made, refiner.polish(x, sweep.flights, how, cap, k.origin), key=smoothed)
     if not _rarely_fails(sweep, made):
         return made
-    return refiner.polish(made.flight.x, sweep.many, sweep.polish_of(sweep.effort.finest), cap, k.origin)
+    return refiner.polish(made.flight.x, sweep.many(), sweep.polish_of(sweep.effort.finest), cap, k.origin)
 
 
 def _rarely_fails(sweep: Sweep, k: Candidate) -> bool:
@@ -135,7 +135,7 @@ def closed(sweep: Sweep, k: Candidate) -> Candidate:
     Where a segment breaks epsilon, more solves on few flights, and longer paths, come before the last one.
     """
     effort, closing = sweep.effort, sweep.closing
-    flights = (sweep.many if _rarely_fails(sweep, k) else sweep.flights).exact()
+    flights = (sweep.many() if _rarely_fails(sweep, k) else sweep.flights).exact()
     last, more = sweep.polish_of(effort.closing), sweep.polish_of(effort.nearer)
     end = closing.polished(k.flight.x, flights, last, k.length)
     for longer in effort.nearer_lengths:

@@ -26,10 +26,11 @@ from pareto_ltl.planning.refine.starts import Start, flipped_starts, retimed_mea
 from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
-from pareto_ltl.support.machine import on_all_cores
+from pareto_ltl.support.machine import made_once, on_all_cores
 
 Item = TypeVar("Item")
 Progress = Callable[..., None]
+Draw = Callable[[int], CommonFlights]  # the first of the common flights
 
 SCOUT_STEPS = 2  # that are reported of each scout
 
@@ -45,8 +46,9 @@ class Sweep:
 
     The last polish is made by ``closing``, within the chance constraints.
 
-    Sweeps use ``few`` flights, the last polish ``flights``, and paths that rarely fail ``many``: the first of
-    the same flights, in the linearised law until the last solve (``closed``).
+    Sweeps use ``few`` flights, the last polish ``flights``, and paths that rarely fail ``many()``, which are
+    drawn when they are first used: the first of the same flights, in the linearised law until the last solve
+    (``closed``).
     """
 
     effort: Effort
@@ -55,7 +57,7 @@ class Sweep:
     closing: ConstrainedRefiner
     few: CommonFlights
     flights: CommonFlights
-    many: CommonFlights
+    many: Callable[[], CommonFlights]
     budget: Budget = UNLIMITED
     progress: Progress | None = None
     before: int = 0
@@ -145,20 +147,20 @@ class Sweep:
 
 
 def new_sweep(
-    effort: Effort, problem: Problem, flights: CommonFlights, budget: Budget = UNLIMITED,
+    effort: Effort, problem: Problem, draw: Draw, budget: Budget = UNLIMITED,
     progress: Progress | None = None,
 ) -> Sweep:  # fmt: skip
-    """A sweep with the first of ``flights``; ``effort`` says how many."""
-    model, flights, numbers = margin_model(problem), flights.linear(), (effort.sweep_flights, effort.flights)
-    few, some, many = (first_of(flights, n) for n in (*numbers, effort.all_flights))
-    closing, before = ConstrainedRefiner(problem, model), SCOUT_STEPS * effort.scouts
-    refiner = Refiner(problem, model)
+    """A sweep with the first of the common flights; ``effort`` says how many."""
+    some, many = draw(effort.flights).linear(), made_once(lambda: draw(effort.all_flights).linear())
+    few, model = first_of(some)(effort.sweep_flights), margin_model(problem)
+    before = SCOUT_STEPS * effort.scouts
+    refiner, closing = Refiner(problem, model), ConstrainedRefiner(problem, model)
     return Sweep(effort, problem, refiner, closing, few, some, many, budget, progress, before)
 
 
-def first_of(flights: CommonFlights, runs: int) -> CommonFlights:
-    """The first ``runs`` of ``flights``; all of them if there are fewer."""
-    return flights.only(np.arange(min(runs, len(flights))))
+def first_of(flights: CommonFlights) -> Draw:
+    """What gives the first of ``flights``, or all of them if there are fewer."""
+    return lambda runs: flights.only(np.arange(min(runs, len(flights))))
 
 
 def smoothed(k: Candidate) -> float:

@@ -28,6 +28,7 @@ from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine import Effort, sampled_paths
 from pareto_ltl.planning.refine.separation import allowed_risk, separation
+from pareto_ltl.planning.refine.sweep import first_of
 from pareto_ltl.planning.selection_rules import SMALL
 from pareto_ltl.run.branching.rest_problem import Countered, World, rest_of_flight
 from pareto_ltl.simulation.tree_flights import TreeFlights, whole_controls
@@ -369,7 +370,7 @@ class Grower:
                 rest = rest_of_flight(self.world, learnt, k, q, reserve)
                 flights = rest.flights(winds.flights.only(own), here[own], countered and countered.only(own))
                 effort = Effort.of(self.world.settings.refine.coarse())
-                paths = sampled_paths(effort, rest.problem, None, flights)
+                paths = sampled_paths(effort, rest.problem, None, first_of(flights))
             except (InfeasibleError, DataError) as error:
                 LOG.info("no rest of the flight %s: %s", cell.words, error)
                 continue
