@@ -35,6 +35,7 @@ from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.machine import cores, require_memory
 from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.seeds import unspawned
 from pareto_ltl.world.windows import missed_windows
 
 ITERATIONS_PER_VERTEX = 50  # growth ends after this many extensions for each vertex of planner.n_max
@@ -185,7 +186,7 @@ def grow_forest(
     models = tree_models(problem, strict=cfg.epsilon_strict)
     task = GrowthTask(cfg, problem, models, graph, cell_fans(problem.decomposition))
     _require_memory(cfg, problem)
-    grove = Grove(task, seeds.spawn(cfg.trees), options)
+    grove = Grove(task, unspawned(seeds).spawn(cfg.trees), options)
     _check_lead(task, grove.plant(0))
     began = time.perf_counter()
     budget.begin()
