@@ -22,7 +22,7 @@ from pareto_ltl_apps.view import map_layers, style
 from pareto_ltl_apps.view.land import draw_land
 from pareto_ltl_apps.view.map_layers import DRAWN_VERTICES, dense_path, timed_obstacles, visited_outlines
 from pareto_ltl_apps.view.records import DrawnRun
-from pareto_ltl_apps.view.wind import draw_wind_arrows, flight_midpoint
+from pareto_ltl_apps.view.wind import draw_arrows, draw_wind_arrows, flight_midpoint
 
 TEXT_LINE = 0.15  # height of a line of small text [in]
 HINTED = 1.05  # width of letters of a picture, at most, compared with their outlines
@@ -65,6 +65,14 @@ def column_map(scene: Scene, heading: Sequence[str], below: float) -> tuple[Figu
     chart = map_layers.map_axes(scene, style.axes_at(figure, WEST, below, inner, tall))
     map_layers.draw_graticule(chart, scene)
     return figure, chart
+
+
+def draw_map(chart: Axes, cfg: ReportConfig, run: DrawnRun) -> None:
+    """The map of a run on axes of the reader, without heading and legend."""
+    map_layers.map_axes(run.scene, chart).apply_aspect()
+    _draw_layers(chart, cfg, run)
+    if run.wind is not None:
+        draw_arrows(chart, run.wind, flight_midpoint(run.plan)[0], run.scene.bounds)
 
 
 def _draw_layers(chart: Axes, cfg: ReportConfig, run: DrawnRun) -> None:
