@@ -301,6 +301,11 @@ def test_moments_need_a_figure_of_their_own(planned: Run) -> None:
         flown.plot(scene=planned.scene, frames=3, plan=planned.plan, ax=ax)
 
 
+def test_a_figure_of_cells_has_all_cells(planned: Run) -> None:
+    cells = planned.cells.plot().figure.axes[0].collections[0]
+    assert len(cells.get_paths()) == len(planned.cells.cells)
+
+
 def test_a_drawing_shows_what_it_is_asked_for(planned: Run) -> None:
     early, late = (planned.wind.plot(scene=planned.scene, time=time) for time in (0.0, "6h"))
     assert early._repr_png_() != late._repr_png_()

@@ -93,8 +93,8 @@ def _draw_layers(chart: Axes, cfg: ReportConfig, run: DrawnRun) -> None:
 
 
 def _shown_cells(cfg: ReportConfig, run: DrawnRun) -> Decomposition | None:
-    """The cells of the search, with its trees."""
-    return None if _shown_forest(cfg, run) is None else run.decomposition
+    """The cells of the search, if its trees are wanted, or if there is no plan to show."""
+    return run.decomposition if cfg.trees or run.plan is None else None
 
 
 def _shown_forest(cfg: ReportConfig, run: DrawnRun) -> Forest | None:
