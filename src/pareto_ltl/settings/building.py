@@ -6,9 +6,10 @@ The result is the same :class:`Settings` that the command line composes from the
 from __future__ import annotations
 
 import difflib
+import re
 import typing
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import NoneType, UnionType
@@ -17,10 +18,12 @@ from typing import Any
 from pareto_ltl.settings import PRESETS, FidelityConfig, Settings, preset
 from pareto_ltl.settings.checks import field_kinds, kind_problem
 from pareto_ltl.settings.fidelity import ONLY_PARENTS
-from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.errors import ConfigError, DataError, ParetoLtlError
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.resources import choice_file, choices
 from pareto_ltl.support.yaml_files import read_yaml
+
+SETTING_NAME = re.compile(r"\b([a-z_]+)\.([a-z_0-9]+)\b")  # in a message: planner.epsilon
 
 
 def build_settings(sections: Mapping[str, Any]) -> Settings:
@@ -75,6 +78,30 @@ def unknown_setting(section: str, name: str, known: Iterable[str]) -> ConfigErro
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {section}{near[0]}?" if near else f"there are {', '.join(names)}"
     return ConfigError(f"unknown setting {shown_text(f'{section}{name}')}; {hint}")
+
+
+@contextmanager
+def python_spelling() -> Iterator[None]:
+    """Add a note to an error that names settings: how a caller in Python gives them."""
+    try:
+        yield
+    except ParetoLtlError as error:
+        if arguments := python_arguments(str(error)):
+            error.add_note(f"in Python: pareto_ltl.plan(..., {arguments})")
+        raise
+
+
+def python_arguments(message: str) -> str:
+    """The settings that a message names, as arguments of ``pareto_ltl.plan``; empty if it names none.
+
+    The formula, which is its second argument, is left out.
+    """
+    kinds, sections = field_kinds(Settings), dict[str, dict[str, None]]()
+    for section, key in SETTING_NAME.findall(message):
+        known = getattr(kinds.get(section), "__dataclass_fields__", ())
+        if key in known and (section, key) != ("mission", "formula"):
+            sections.setdefault(section, {})[f'"{key}": ...'] = None
+    return ", ".join(f"{section}={{{', '.join(keys)}}}" for section, keys in sections.items())
 
 
 def read_settings_file(path: Path, changes: Mapping[str, Any] | None = None) -> Settings:

@@ -140,9 +140,7 @@ def _show_configuration(hydra: ComposedHydra, arguments: argparse.Namespace) -> 
     """Print the output of ``--hydra-help``, ``--cfg`` or ``--info``."""
     name = config_name(arguments)
     if arguments.hydra_help:
-        from hydra._internal.utils import get_args_parser
-
-        hydra.hydra_help(name, get_args_parser(), arguments)
+        hydra.print_help(name, arguments)
     elif arguments.cfg:
         hydra.show_cfg(name, arguments.overrides, arguments.cfg, arguments.package, arguments.resolve)
     else:
