@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 from pareto_ltl.run import provenance
 from pareto_ltl.run.record import BaseRun, Record, record
 from pareto_ltl.run.required import require_formula, require_map
-from pareto_ltl.settings import RobotConfig, Settings, WindConfig
+from pareto_ltl.settings import RobotConfig, WindConfig
 from pareto_ltl.settings.building import read_settings_file
 from pareto_ltl.settings.heights import Height, flight_height
 from pareto_ltl.support.errors import ConfigError, DataError
@@ -243,7 +243,7 @@ class Run(BaseRun):
         refuse_links_out(directory)
         inputs = read_document(directory / "run.json", "run").get("inputs") or {}
         return cls(
-            _inert(read_settings_file(directory / "config_resolved.yaml")),
+            read_settings_file(directory / "config_resolved.yaml").inert(),
             directory=directory,
             read={str(name): str(digest) for name, digest in inputs.items()},
             stored=frozenset(name for name, row in cls.rows().items() if row.codec),
@@ -324,15 +324,6 @@ class UnpricedRun(Run):
 
 
 PLAN_STAGES = tuple(Run.rows().values())
-
-
-def _inert(settings: Settings) -> Settings:
-    """``settings`` that open no connection and continue no other run; no result depends on these."""
-    return replace(
-        settings,
-        evaluation=replace(settings.evaluation, cluster=None, resume=None),
-        wind=replace(settings.wind, base_url=None),
-    )
 
 
 def _check_sample(robot: RobotConfig, wind: WindConfig) -> None:

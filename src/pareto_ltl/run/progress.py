@@ -36,16 +36,12 @@ STAGE_WORDS = {  # what a stage does, for people; the desk has the same words
     "plan": CHECKING,
     "forecasts": CHECKING,
     "deployment": "Flying the plan",
-    "departure": "Comparing departures",
-    "export": "Writing files",
-    "report": "Drawing figures",
-    "page": "Writing the report",
 }
 BAR_WIDTH = 14  # columns; the rest of a line of 80 is for the words
 
 
 def stage_words(name: str) -> str:
-    """What the stage ``name`` does; its name for a study or a stage of another package.
+    """What the stage ``name`` of a plan does; else its name.
 
     >>> stage_words("forest"), stage_words("comparison_figures")
     ('Searching for paths', 'comparison figures')
@@ -156,13 +152,13 @@ class ProgressBar:
             self._bar = self._task = None
 
     @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Show what the stage ``name`` does for the duration of the block."""
+    def stage(self, name: str, words: str = "") -> Iterator[None]:
+        """Show ``words``, by default what the stage ``name`` does, for the duration of the block."""
         self._stages.append(name)
         self._watcher.stage(name)
         outer = self._task
         if self._bar is not None:
-            self._task = self._bar.add_task(stage_words(name), total=None, state="")
+            self._task = self._bar.add_task(words or stage_words(name), total=None, state="")
         try:
             yield
         finally:

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar, overload
 
 from pareto_ltl.run import provenance
 from pareto_ltl.run.progress import ProgressBar
-from pareto_ltl.settings import Settings
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
@@ -25,6 +24,8 @@ from pareto_ltl.support.seeds import stage_seeds
 
 if TYPE_CHECKING:
     from numpy.random import SeedSequence
+
+    from pareto_ltl.settings import Settings
 
 LOG = logging.getLogger("pareto_ltl")
 T = TypeVar("T")
@@ -53,7 +54,11 @@ class Record(Generic[T]):
         write the record into a directory and read it back, from the directory or from its only file. Empty if
         ``make`` writes the files itself, or there are none.
     study : bool
-        It plans many missions, in ``evaluation.jobs`` processes, and may read and write files elsewhere.
+        It plans many missions, in several processes, and may read and write files elsewhere.
+    words : str
+        What it does, for people who wait; empty: its name.
+    check : callable
+        Raises ConfigError for settings with which it cannot run, before anything is made.
     elsewhere : bool
         It writes files outside of the results directory, as studies may.
     """
@@ -66,6 +71,8 @@ class Record(Generic[T]):
         self.make, self.writes, self.shows, self.later, self.codec = make, writes, shows, later, codec
         self.stage = stage or make.__name__
         self.name, self.study, self.elsewhere = name or self.stage, study, study
+        self.words = ""
+        self.check: Callable[[Settings], None] = lambda _: None
         self.__doc__ = make.__doc__
 
     def __set_name__(self, kind: type, name: str) -> None:
@@ -175,7 +182,7 @@ class BaseRun(Displayed):
         began, earlier = time.perf_counter(), dict(self.seconds)
         passed_on = False
         try:
-            with self.progress.stage(row.stage) if self.progress else nullcontext():
+            with self.progress.stage(row.stage, row.words) if self.progress else nullcontext():
                 self.records[row.name] = row.make(self)
                 if row.name not in self.rows():
                     self._added.add(row.name)
