@@ -68,11 +68,11 @@ EXPORT = Record(
     "export",
     EXPORTED,
     name="exports",
+    words="Writing files",
     later=tuple(folder + name for folder in ("exports/", "exports_point_*/") for name in EXPORTED),
 )
-FIGURES = Record(draw_figures, "report", shows=FIGURE_FILES, name="figures")
-PAGE = Record(write_page, "page", shows=(PAGE_FILE,))
+FIGURES = Record(draw_figures, "report", shows=FIGURE_FILES, name="figures", words="Drawing figures")
+PAGE = Record(write_page, "page", shows=(PAGE_FILE,), words="Writing the report")
 TABLE = Record(write_table, "table")
 TABLE.elsewhere = True
-EXPORT.words, FIGURES.words, PAGE.words = "Writing files", "Drawing figures", "Writing the report"
 STAGES = (TABLE, EXPORT, FIGURES, PAGE, *STUDY_STAGES)

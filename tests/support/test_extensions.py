@@ -208,6 +208,19 @@ def test_the_example_package_does_not_slow_the_start(installed: dict[str, str], 
     assert done.stdout == "[]\n", done.stderr
 
 
+def test_the_module_of_a_section_may_import_every_name_of_the_planner_but_settings() -> None:
+    code = (
+        "import sys\n"
+        "sys.modules['pareto_ltl.settings.all_sections'] = None\n"
+        "import pareto_ltl, pareto_ltl.extend\n"
+        "from pareto_ltl.support.stated_names import stated_names\n"
+        "for module in (pareto_ltl, pareto_ltl.extend):\n"
+        "    for name, place in stated_names(module.__file__).items():\n"
+        "        if name != 'Settings' and place.startswith('pareto_ltl.'): getattr(module, name)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 # --- entry points that are wrong -----------------------------------------------------------------
 
 

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from pareto_ltl.planning.power import energy_model
-from pareto_ltl.settings import RobotConfig
+from pareto_ltl.settings import RobotConfig, Settings
 from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.displacement import displacement_variance, known_for
 from pareto_ltl.wind.readings import Readings
 from pareto_ltl.world.scene_sketch import SkyRoom
 from pareto_ltl.world.time_step import DETOUR, SLOW
-
-if TYPE_CHECKING:
-    from pareto_ltl.settings import Settings
 
 DEVIATIONS = 5.0
 AIRSPEEDS = 50  # from u_min to u_max, at which the power is computed

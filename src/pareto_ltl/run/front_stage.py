@@ -6,7 +6,6 @@ import logging
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from numpy.random import SeedSequence
 
@@ -23,14 +22,12 @@ from pareto_ltl.planning.refine.separation import (
     nearest_paths,
     within_limits,
 )
+from pareto_ltl.settings import Settings
 from pareto_ltl.simulation.common_flights import draw_flights, is_certain
 from pareto_ltl.simulation.judging import judge_front
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.seeds import named_child, stage_seeds
-
-if TYPE_CHECKING:
-    from pareto_ltl.settings import Settings
 
 LOG = logging.getLogger(__name__)
 JUDGING = "judging"  # child of the front's stream that refinement does not use

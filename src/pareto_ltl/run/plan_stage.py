@@ -15,6 +15,7 @@ from pareto_ltl.planning.refine.prices import limits_of
 from pareto_ltl.planning.refine.separation import keeps_epsilon, worst_segment
 from pareto_ltl.planning.selection_rules import bound_warning, choose_path, selection_rule, within_capacity
 from pareto_ltl.run.remedies import HOPELESS, Trial, tried_remedies
+from pareto_ltl.settings import Settings
 from pareto_ltl.settings.heights import flight_air, flight_height, temperature_doubt
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.simulation.promise import promise_path
@@ -24,7 +25,6 @@ from pareto_ltl.wind.records import WindField
 
 if TYPE_CHECKING:
     from pareto_ltl.run.plan_run import Run
-    from pareto_ltl.settings import Settings
 
 LOG = logging.getLogger(__name__)
 PRICING = "prices"  # child of the seed of the flights that price limits

@@ -53,25 +53,22 @@ class Record(Generic[T]):
         ``module:NAME``: functions ``write_NAME(directory, record)`` and ``read_NAME(place)`` of the module
         write the record into a directory and read it back, from the directory or from its only file. Empty if
         ``make`` writes the files itself, or there are none.
-    study : bool
-        It plans many missions, in several processes, and may read and write files elsewhere.
     words : str
-        What it does, for people who wait; empty: its name.
+        What it does, for people who wait; empty: its name. The desk has the same words.
     check : callable
         Raises ConfigError for settings with which it cannot run, before anything is made.
     elsewhere : bool
-        It writes files outside of the results directory, as studies may.
+        It may read and write files outside of the results directory, as studies do.
     """
 
     def __init__(
         self, make: Callable[[Any], T], stage: str = "", writes: tuple[str, ...] = (),
-        shows: tuple[str, ...] = (), codec: str = "", *, name: str = "", study: bool = False,
+        shows: tuple[str, ...] = (), codec: str = "", *, name: str = "", words: str = "",
         later: tuple[str, ...] = (),
     ) -> None:  # fmt: skip
         self.make, self.writes, self.shows, self.later, self.codec = make, writes, shows, later, codec
         self.stage = stage or make.__name__
-        self.name, self.study, self.elsewhere = name or self.stage, study, study
-        self.words = ""
+        self.name, self.words, self.elsewhere = name or self.stage, words, False
         self.check: Callable[[Settings], None] = lambda _: None
         self.__doc__ = make.__doc__
 
@@ -109,10 +106,10 @@ class Record(Generic[T]):
 
 
 def record(
-    *writes: str, shows: tuple[str, ...] = (), codec: str = "", stage: str = ""
+    *writes: str, shows: tuple[str, ...] = (), codec: str = "", stage: str = "", words: str = ""
 ) -> Callable[[Callable[[Any], T]], Record[T]]:
     """Make a method of a run, or a function of one, a :class:`Record`; ``stage`` is by default its name."""
-    return lambda make: Record(make, stage, writes, shows, codec)
+    return lambda make: Record(make, stage, writes, shows, codec, words=words)
 
 
 @dataclass(eq=False, repr=False)

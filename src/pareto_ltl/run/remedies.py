@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -20,6 +19,7 @@ from pareto_ltl.planning.pack import build_problem, missing_for_fixes, with_land
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan, PlannedPath
 from pareto_ltl.planning.refine.separation import separation
+from pareto_ltl.settings import Settings
 from pareto_ltl.simulation.beacons import beacon_places, disc
 from pareto_ltl.simulation.judging import count_failures
 from pareto_ltl.support.arrays import FloatArray
@@ -27,9 +27,6 @@ from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl.wind.records import WindField, WindObservations
 from pareto_ltl.world.scene import Scene
-
-if TYPE_CHECKING:
-    from pareto_ltl.settings import Settings
 
 RUNS = 4000  # flights of each trial
 HOPELESS = 0.9  # failure rate from which changes are tried although the plan keeps epsilon

@@ -10,17 +10,13 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
 
-from pareto_ltl.settings import preset
+from pareto_ltl.settings import Settings, preset
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.cache import LOCKS_FOLDER, cache_root
 from pareto_ltl.support.locks import TakenError, hold_lock
 from pareto_ltl.support.machine import cores
 from typed_kernels.watching import compilation_begins, compilation_ends, compilation_watched
-
-if TYPE_CHECKING:
-    from pareto_ltl.settings import Settings
 
 GROWTH = "growth.grow"
 LONGEST = 300.0  # [s] to wait for the second process

@@ -8,23 +8,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from pareto_ltl.settings import (
-    PRESETS,
-    BranchConfig,
-    DeploymentConfig,
-    FidelityConfig,
-    LogicConfig,
-    MissionConfig,
-    PipelineConfig,
-    PlannerConfig,
-    RefineConfig,
-    RobotConfig,
-    SceneConfig,
-    SelectionConfig,
-    SmoothingConfig,
-    WindConfig,
-    preset,
-)
 from pareto_ltl.settings.checks import (
     SEEDS,
     CheckedSettings,
@@ -33,9 +16,20 @@ from pareto_ltl.settings.checks import (
     setting,
     settings_below,
 )
-from pareto_ltl.settings.fidelity import LAWS
+from pareto_ltl.settings.fidelity import LAWS, PRESETS, FidelityConfig, preset
 from pareto_ltl.settings.heights import FlownAir, Height, flight_air, flight_height
-from pareto_ltl.settings.wind import usual_level, wind_sources
+from pareto_ltl.settings.mission import MissionConfig, RobotConfig, SceneConfig
+from pareto_ltl.settings.planner import (
+    BranchConfig,
+    DeploymentConfig,
+    LogicConfig,
+    PipelineConfig,
+    PlannerConfig,
+    RefineConfig,
+    SelectionConfig,
+    SmoothingConfig,
+)
+from pareto_ltl.settings.wind import WindConfig, usual_level, wind_sources
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import SETTINGS_GROUP, load_all
 from pareto_ltl.support.medium import WATER, Medium, medium_of

@@ -41,7 +41,6 @@ WIND_SOURCE_GROUP = "pareto_ltl.wind_sources"
 PATTERN_GROUP = "pareto_ltl.patterns"
 SELECTION_RULE_GROUP = "pareto_ltl.selection_rules"
 COST_GROUP = "pareto_ltl.costs"
-EXPORT_GROUP = "pareto_ltl.exports"
 CONF_GROUP = "pareto_ltl.conf"
 
 

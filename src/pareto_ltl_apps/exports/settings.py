@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 from pareto_ltl.extend import CheckedSettings, setting
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.extensions import EXPORT_GROUP
 from pareto_ltl.support.levels import DEPTH, HEIGHT, Level
 from pareto_ltl.support.messages import wrong_value
-from pareto_ltl_apps.exports.kinds import FORMATS
+from pareto_ltl_apps.exports.kinds import EXPORT_GROUP, FORMATS
 
 ON_REQUEST = ("f3548", "fpl", "lua")  # formats that are written only if asked for
 HIGHEST = 100_000.0  # limit of the absolute value of an exported height [m]

@@ -56,8 +56,8 @@ def stages_of(kind: StudyKind) -> Iterator[Record[Any]]:
         world = UnpricedRun(run.settings, run.make(*kind.needs))
         return kind.make(run.settings, world, run.place, run.progress)
 
-    study = Record(make, kind.name, kind.tables, ("tables.md",), STUDY_FILES, study=kind.many_missions)
-    study.words = kind.words
+    study = Record(make, kind.name, kind.tables, ("tables.md",), STUDY_FILES, words=kind.words)
+    study.elsewhere = kind.many_missions
     if kind.many_missions:
         study.check = partial(check_size, kind)
     yield study

@@ -9,7 +9,7 @@ and the own errors that each of them has. Searches minimise the failures of thes
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,14 +19,12 @@ from pareto_ltl.planning.conditioning import Joint, Learnt
 from pareto_ltl.planning.costs import costs_with
 from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.settings import Settings
 from pareto_ltl.simulation.common_flights import DrawnFlights
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
 from pareto_ltl.wind.conditioned import less_doubt, persistence, with_held_slots
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import Decomposition
-
-if TYPE_CHECKING:
-    from pareto_ltl.settings import Settings
 
 
 @dataclass(frozen=True, slots=True)
