@@ -90,7 +90,7 @@ def test_the_bar_names_the_kernel_and_the_time_in_place_of_the_stage(monkeypatch
             console.print(bar._bar.get_renderable())  # type: ignore[union-attr]  # noqa: SLF001
         return " ".join(capture.get().split())
 
-    with ProgressBar(shown=True) as bar, bar.stage("forest"):
+    with ProgressBar(shown=True) as bar, bar.stage("forest", "Searching for paths"):
         assert "Searching for paths" in shown(bar)
         compilation_begins("growth.grow")
         text = shown(bar)

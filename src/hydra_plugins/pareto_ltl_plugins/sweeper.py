@@ -27,6 +27,8 @@ from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
+from pareto_ltl_apps.studies.settings import SweepConfig
+
 if TYPE_CHECKING:
     from pareto_ltl_apps.studies.sweep_summary import SweepSummary
     from pareto_ltl_apps.studies.sweeps import SweepManifest
@@ -89,11 +91,11 @@ class PointsSweeper(Sweeper):
             if job not in words:  # two ways to write the same settings are one job
                 words[job] = [*line, f"hydra.sweep.subdir='{job}'"]
                 points.append(SweepPoint(job, _swept_values(line, swept)))
-        figure = FigureChoice(settings.sweep.x, settings.sweep.y, settings.sweep.by)
+        figure = FigureChoice(settings[SweepConfig].x, settings[SweepConfig].y, settings[SweepConfig].by)
         names = tuple(_plain_key(key) for key in overrides if key in swept)
         fixed = tuple(values[0] for key, values in overrides.items() if key not in swept)
         check_figure(figure, names)
-        return SweepManifest(tuple(points), names, fixed, figure), words, settings.sweep.resume
+        return SweepManifest(tuple(points), names, fixed, figure), words, settings[SweepConfig].resume
 
     def _run_points(
         self, place: Path, manifest: SweepManifest, words: Mapping[str, list[str]], *, resume: bool

@@ -17,7 +17,7 @@ from pareto_ltl.run.pipeline import Pipeline, carry_out
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.progress import Caller, ProgressBar
 from pareto_ltl.run.results import Planned, planned_run
-from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, Settings, WindConfig
+from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, WindConfig
 from pareto_ltl.settings.building import build_settings, choice_values, python_spelling, section_of
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError
@@ -28,6 +28,7 @@ from pareto_ltl.world.scene_settings import read_map
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import PlannedPath
+    from pareto_ltl.settings import Settings
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.support.arrays import FloatArray
     from pareto_ltl.wind.readings import Readings

@@ -13,15 +13,17 @@ from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.settings import PRESETS, FidelityConfig, Settings, preset
+from pareto_ltl.settings import PRESETS, FidelityConfig, preset
 from pareto_ltl.settings.checks import field_kinds, kind_problem
-from pareto_ltl.settings.fidelity import ONLY_PARENTS
 from pareto_ltl.support.errors import ConfigError, DataError, ParetoLtlError
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.resources import choice_file, choices
 from pareto_ltl.support.yaml_files import read_yaml
+
+if TYPE_CHECKING:
+    from pareto_ltl.settings import Settings
 
 SETTING_NAME = re.compile(r"\b([a-z_]+)\.([a-z_0-9]+)\b")  # in a message: planner.epsilon
 
@@ -62,17 +64,16 @@ def settings_of(values: Mapping[str, Any]) -> Settings:
 
     The errors are the same as in :func:`build_settings`.
     """
+    from pareto_ltl.settings import Settings
+
     built = _record(Settings, values, "")
     assert isinstance(built, Settings)
     return built
 
 
-GONE = {"ablation.parents": ONLY_PARENTS}  # settings of earlier versions, and why they left
-
-
 def unknown_setting(section: str, name: str, known: Iterable[str]) -> ConfigError:
     """The error for ``name`` in ``section`` (``"planner."``), with the closest of the ``known`` names."""
-    if reason := GONE.get(f"{section}{name}"):
+    if reason := _gone().get(f"{section}{name}"):
         return ConfigError(f"{section}{name} is no setting any more: {reason}; leave it out")
     names = list(dict.fromkeys(known))  # sweep is a group and a section
     near = difflib.get_close_matches(name, names, n=1)
@@ -96,6 +97,8 @@ def python_arguments(message: str) -> str:
 
     The formula, which is its second argument, is left out.
     """
+    from pareto_ltl.settings import Settings
+
     kinds, sections = field_kinds(Settings), dict[str, dict[str, None]]()
     for section, key in SETTING_NAME.findall(message):
         known = getattr(kinds.get(section), "__dataclass_fields__", ())
@@ -110,7 +113,7 @@ def read_settings_file(path: Path, changes: Mapping[str, Any] | None = None) -> 
     What earlier versions wrote about the models of trees is left out. DataError if the file is damaged.
     """
     content = _yaml(path)
-    for key in (*GONE, "fidelity.parents"):
+    for key in _gone():
         section, _, name = key.partition(".")
         if isinstance(content.get(section), dict):
             content[section].pop(name, None)
@@ -120,6 +123,14 @@ def read_settings_file(path: Path, changes: Mapping[str, Any] | None = None) -> 
             raise DataError(f"{path}: {section} must be keys and values, found {shown_value(before)}")
         content[section] = before | {name: value}
     return build_settings(content)
+
+
+def _gone() -> dict[str, str]:
+    """Settings of earlier versions, and why they left."""
+    from pareto_ltl.settings import Settings
+
+    sections = (one for one in Settings.by_key().values() if one.is_section)
+    return {f"{one.key}.{name}": reason for one in sections for name, reason in one.kind.gone.items()}
 
 
 def section_of(section: str, value: Any) -> Any:
@@ -138,6 +149,8 @@ def _value(section: str, value: Any) -> Any:
     Values of ``fidelity`` override its preset, values of ``wind`` the choice of its source, which has other
     bounds for a current than for a wind.
     """
+    from pareto_ltl.settings import Settings
+
     schema = field_kinds(Settings).get(section)
     if isinstance(value, str) and is_dataclass(schema):
         return choice_values(section, value)

@@ -41,6 +41,7 @@ from pareto_ltl_apps.cli.output import (
 )
 from pareto_ltl_apps.cli.setting_keys import CONFIGURATION_ERRORS, explain_error, settings_from
 from pareto_ltl_apps.stopping import ends_process
+from pareto_ltl_apps.studies.settings import SweepConfig
 
 if TYPE_CHECKING:
     from pareto_ltl import Settings
@@ -293,7 +294,7 @@ class HydraJob:
                 run = Run(checked.settings, directory=directory)
                 metrics.update(checked.complete(run, self.argv, _task_overrides()))
 
-            done = RunJob(directory).do_once(work, resume=checked.settings.sweep.resume)
+            done = RunJob(directory).do_once(work, resume=checked.settings[SweepConfig].resume)
             ended = f"ok in {metrics['run_seconds']:.1f} s" if done else "done already"
             print(f"{reported}: {ended}", flush=True)
         except InfeasibleError:

@@ -33,8 +33,6 @@ from pareto_ltl.extend import (
     Problem,
     Tree,
 )
-from pareto_ltl.settings import ReportConfig
-from pareto_ltl.settings.outputs import FIGURE_FORMATS
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, listed_text
 from pareto_ltl.support.times import hours_text, seconds_after
@@ -47,6 +45,7 @@ from pareto_ltl_apps.view.map import draw_map, plan_figure
 from pareto_ltl_apps.view.map_layers import draw_mean_path
 from pareto_ltl_apps.view.plan_maps import frames_figure, limits_figure
 from pareto_ltl_apps.view.records import DrawnRun
+from pareto_ltl_apps.view.settings import FIGURE_FORMATS, ReportConfig
 from pareto_ltl_apps.view.wind import draw_wind, utc_text, wind_figure, wind_panels
 
 NOTEBOOK_DPI = 160

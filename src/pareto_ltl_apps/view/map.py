@@ -15,13 +15,13 @@ from matplotlib.patches import Patch
 
 from pareto_ltl import Scene
 from pareto_ltl.extend import Decomposition, Forest, Plan
-from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl_apps.view import map_layers, style
 from pareto_ltl_apps.view.land import draw_land
 from pareto_ltl_apps.view.map_layers import DRAWN_VERTICES, dense_path, timed_obstacles, visited_outlines
 from pareto_ltl_apps.view.records import DrawnRun
+from pareto_ltl_apps.view.settings import ReportConfig
 from pareto_ltl_apps.view.wind import draw_arrows, draw_wind_arrows, flight_midpoint
 
 TEXT_LINE = 0.15  # height of a line of small text [in]
