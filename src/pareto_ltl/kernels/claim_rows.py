@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 from pareto_ltl.kernels.claim_lists import Claims, cross_hazards
 from pareto_ltl.kernels.clearance import CERTAIN, segment_clearance
-from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.letters import epoch_at
 from pareto_ltl.kernels.margin_events import (
@@ -24,6 +23,7 @@ from pareto_ltl.kernels.margin_events import (
 )  # fmt: skip
 from pareto_ltl.kernels.near import Near, least_gaps, place_end, segment_box
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.types import Point
 from typed_kernels.jit import implements, kernel
 
 BLOCK = 256  # flights at a time: their rows fit into the L1 cache

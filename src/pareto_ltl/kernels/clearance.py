@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from pareto_ltl.kernels.data import Corners, Faces, Point
+from plane_kernels.types import Corners, Faces, Point
 from typed_kernels.jit import kernel
 
 CERTAIN = 1e18  # [m] margin of a condition that cannot fail; -CERTAIN: of one that cannot hold

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from pareto_ltl.kernels.data import Cov, Faces, Gaussian, Linear
 from pareto_ltl.support.arrays import IntArray
+from plane_kernels.types import Cov, Faces, Gaussian, Linear
 from typed_kernels.jit import inlined, kernel
 
 SQRT_HALF = math.sqrt(0.5)

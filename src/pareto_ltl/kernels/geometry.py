@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Cells, Faces, Nearby, Point
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.types import Cells, Faces, Nearby, Point
 from typed_kernels.jit import allocating, kernel
 
 SLACK = 1e-6  # [m] a point at most this far outside an edge counts as on the edge

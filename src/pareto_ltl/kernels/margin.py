@@ -24,7 +24,6 @@ from typing import NamedTuple
 
 from pareto_ltl.kernels import claim_lists, claim_rows
 from pareto_ltl.kernels.clearance import CERTAIN, Event, segment_clearance
-from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.margin_events import (
     NOWHERE,
     SATURATED,
@@ -35,6 +34,7 @@ from pareto_ltl.kernels.margin_events import (
 )  # fmt: skip
 from pareto_ltl.kernels.near import enclose, least_gaps, list_met, list_shown, place_end, segment_box
 from pareto_ltl.support.arrays import FloatArray
+from plane_kernels.types import Point
 from typed_kernels.jit import kernel, shared_entry
 
 FLAT = 3.0 * SATURATED  # widths: beyond, a smoothed failure has no slope

@@ -9,9 +9,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from pareto_ltl.kernels.clearance import CERTAIN, Event, segment_clearance
-from pareto_ltl.kernels.data import Cells, Corners, Faces, Logic, Point
+from pareto_ltl.kernels.data import Logic
 from pareto_ltl.kernels.near import Near
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.types import Cells, Corners, Faces, Point
 from typed_kernels.jit import by_type, inlined, kernel
 
 NOWHERE = -1  # number, and step, of "no event"

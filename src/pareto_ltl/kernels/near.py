@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from pareto_ltl.kernels.data import Corners, Faces
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from plane_kernels.types import Corners, Faces
 from typed_kernels.jit import kernel, vector
 
 ROUNDING = 1e-3  # [m] largest rounding error of a bound

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Corners, Cov, Gaussian, Point
 from pareto_ltl.support.arrays import FloatArray
+from plane_kernels.types import Corners, Cov, Gaussian, Point
 from typed_kernels.jit import allocating, inlined, kernel, vector
 
 DEEP = 8.3  # exp(-x²/2) is below 1e-15 from here on

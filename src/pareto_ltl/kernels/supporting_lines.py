@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Corners, Cov, Gaussian, Point
 from pareto_ltl.kernels.gaussian import tail, variance_along
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.types import Corners, Cov, Gaussian, Point
 from typed_kernels.jit import allocating, kernel
 
 FAR = 6.0  # standard deviations beyond which a polygon adds less than 1e-9

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Faces, Point
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.types import Faces, Point
 from typed_kernels.jit import allocating, kernel, shared_entry
 
 TOUCH = 1e-3  # [m] tolerance of the distance to keep
