@@ -58,7 +58,7 @@ class Faces(NamedTuple):
 
 
 class Nearby(NamedTuple):
-    """The polygons of :class:`Faces` by their distance from each square of a grid over the map.
+    """The polygons of :class:`Faces` by their distance from each square of a grid over the plane.
 
     Row i * rows + j belongs to square (i, j) of side ``side`` [m]. ``order`` (B, m) lists the m polygons by
     their ``gap`` (B, m), ascending: the largest signed distance of the square's centre from a face of the
@@ -89,7 +89,7 @@ class Corners(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """Convex cells, and a grid of ``buckets`` x ``buckets`` over the bounds of the map to find them.
+    """Convex cells, and a grid of ``buckets`` x ``buckets`` over their bounds to find them.
 
     The candidate cells of bucket k are ``candidates[ptr[k]:ptr[k + 1]]``; ~c is cell c, if it comes first and
     contains the whole bucket.

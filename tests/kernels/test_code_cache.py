@@ -32,7 +32,7 @@ TYPED_KERNELS = Path(code_cache.__file__).parent
 # One square cell. Each process of these tests imports again, so little is imported. One test renames Cells.
 PROGRAM = """
 import numpy as np
-from pareto_ltl.kernels.geometry import locate_cells
+from plane_kernels.geometry import locate_cells
 from plane_kernels import types
 normals = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 square = types.Faces(np.array([0, 4]), normals, np.ones(4))
@@ -90,7 +90,7 @@ def test_the_pattern_of_imports_finds_what_the_parser_finds(file):
 
 ENTRIES = [
     file
-    for file in sorted(KERNELS.glob("*.py"))
+    for file in sorted([*KERNELS.glob("*.py"), *PLANE_KERNELS.glob("*.py")])
     if re.search(r"^@(entry|allocating)", file.read_text(), re.M)
 ]
 
@@ -106,7 +106,7 @@ def test_a_file_that_reaches_a_choice_reaches_the_code_of_every_model(file):
 
 
 def test_code_that_others_add_to_a_model_changes_the_stamps_of_what_can_reach_it(monkeypatch):
-    reaching, other = KERNELS / "growth.py", KERNELS / "visibility.py"
+    reaching, other = KERNELS / "growth.py", PLANE_KERNELS / "visibility.py"
     before = code_stamp(reaching), code_stamp(other)
     assert KERNELS / "collision_risk.py" in reachable_sources(reaching) - reachable_sources(other)
     monkeypatch.setitem(FOREIGN, KERNELS / "collision_risk.py", set())
@@ -145,7 +145,7 @@ def test_imports_of_other_packages_of_kernels_and_of_neighbours_are_followed(tmp
 
 
 def test_a_package_of_kernels_is_known_by_its_first_kernel():
-    assert PACKAGES["pareto_ltl.kernels"] == KERNELS
+    assert (PACKAGES["pareto_ltl.kernels"], PACKAGES["plane_kernels"]) == (KERNELS, PLANE_KERNELS)
     assert not {"pareto_ltl", "pareto_ltl.planning", "numpy"} & set(PACKAGES)
 
 
@@ -196,7 +196,7 @@ class Program:
 
     @property
     def list_of_code(self) -> Path:
-        return self.kernels / "machine_code" / shipped_code.MANIFEST
+        return self.plane / "machine_code" / shipped_code.MANIFEST
 
     def change_list(self, **values: object) -> None:
         """Change values of the list of the code in the package."""
@@ -204,7 +204,7 @@ class Program:
 
     def ship(self) -> None:
         """Put the code of PROGRAM for the baseline into the package, as a wheel has it."""
-        place = self.kernels / "machine_code"
+        place = self.plane / "machine_code"
         named = {"NUMBA_CPU_NAME": shipped_code.BASELINES[platform.machine()][0], "NUMBA_CPU_FEATURES": ""}
         assert self(**named) == "compiled"
         place.mkdir()
@@ -294,7 +294,7 @@ def test_a_damaged_or_foreign_file_is_not_executed_and_one_line_says_so(program,
      (replace_by_pipe, "it is no file")],
 )  # fmt: skip
 def test_a_damaged_or_foreign_file_has_no_content_and_one_line_says_so(tmp_path, caplog, harm, reason):
-    file, source, content = tmp_path / "kernel.nbc", KERNELS / "geometry.py", bytes(range(256))
+    file, source, content = tmp_path / "kernel.nbc", PLANE_KERNELS / "geometry.py", bytes(range(256))
     code_files.write_code(file, source, "kernel", content)
     assert code_files.read_code(file, source, "kernel") == content
     assert not caplog.messages
@@ -306,7 +306,7 @@ def test_a_damaged_or_foreign_file_has_no_content_and_one_line_says_so(tmp_path,
 
 
 def test_the_code_of_one_kernel_is_not_that_of_another_with_a_valid_checksum(tmp_path, caplog):
-    file, source = tmp_path / "kernel.nbc", KERNELS / "geometry.py"
+    file, source = tmp_path / "kernel.nbc", PLANE_KERNELS / "geometry.py"
     code_files.write_code(file, source, "geometry.locate_cells", b"code")
     assert code_files.read_code(file, source, "geometry.locate_cells") == b"code"
     assert code_files.read_code(file, source, "geometry.nearest") is None
@@ -459,7 +459,7 @@ def test_code_in_the_package_is_used_and_nothing_is_written(shipped):
 
 
 def test_code_in_the_package_that_is_damaged_or_not_listed_is_compiled(shipped):
-    (file,) = (shipped.kernels / "machine_code").glob("*.nbc")
+    (file,) = (shipped.plane / "machine_code").glob("*.nbc")
     whole = file.read_bytes()
     damage(file)
     assert shipped() == "compiled"

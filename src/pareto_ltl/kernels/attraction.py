@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from pareto_ltl.kernels.clearance import CERTAIN, Event
 from pareto_ltl.kernels.data import Landmarks
 from pareto_ltl.kernels.margin import FLAT, Slope, add_failure_slope
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from plane_kernels.clearance import CERTAIN, Event
 from plane_kernels.types import Faces
 from typed_kernels.jit import allocating, kernel
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.kernels.collision_risk import leg_between, look_around_leg
-from pareto_ltl.kernels.gaussian import SQRT_HALF, tail
-from pareto_ltl.kernels.geometry import SLACK
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.gaussian import SQRT_HALF, tail
+from plane_kernels.geometry import SLACK
 from plane_kernels.types import Cov, Faces, Gaussian, Nearby, Point
 from typed_kernels.jit import allocating, inlined, kernel
 

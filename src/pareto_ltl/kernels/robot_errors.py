@@ -35,7 +35,7 @@ from pareto_ltl.kernels.data import (
     Motion,
     RobotErrors,
 )
-from pareto_ltl.kernels.gaussian import FixWeights
+from plane_kernels.gaussian import FixWeights
 from plane_kernels.types import Cov, Linear, Point
 from typed_kernels.jit import by_type, implements, kernel
 

@@ -306,7 +306,7 @@ def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool
 
 def with_supporting_lines(problem: Problem, flight: Flight) -> Faces:
     """The barriers with the supporting lines of all near segments of ``flight`` as further faces."""
-    from pareto_ltl.kernels.supporting_lines import FAR, lines_of_each
+    from plane_kernels.supporting_lines import FAR, lines_of_each
 
     faces, corners = problem.barriers, barrier_polygons(problem)
     line = np.empty((len(flight.u), len(corners.radius), 4))

@@ -10,13 +10,12 @@ import numpy as np
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.claim_lists import ClaimLists, Claims
 from pareto_ltl.kernels.claim_rows import BLOCK, ClaimRows, Rows
-from pareto_ltl.kernels.clearance import CERTAIN
-from pareto_ltl.kernels.margin_events import Guards, MarginModel, Met, Scratch
-from pareto_ltl.kernels.near import Near
+from pareto_ltl.kernels.margin_events import Guards, MarginModel, Met, Near, Scratch
 from pareto_ltl.planning.pack import pack_faces
 from pareto_ltl.planning.pack_logic import LIVE, pack_corners
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.clearance import CERTAIN
 from plane_kernels.types import Corners
 
 # States of an automaton, or hazards, above which only the order of a path is polished: 0.75 x the CPU time

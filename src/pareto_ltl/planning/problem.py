@@ -31,8 +31,8 @@ from pareto_ltl.world.scene import Scene
 from plane_kernels.types import Cells, Corners, Faces
 
 if TYPE_CHECKING:
-    from pareto_ltl.kernels.supporting_lines import SegmentLines
     from pareto_ltl.planning.records import Forest, PlannedPath
+    from plane_kernels.supporting_lines import SegmentLines
 
 LEAST_VARIANCE = (
     0.1  # [m²] added to every variance: a position that is known exactly has a deviation of 0.3 m
@@ -222,7 +222,7 @@ class Problem(Displayed):
 
     def locate(self, points: FloatArray) -> IntArray:
         """Cell of each row of ``points`` (P, 2); -1 in an obstacle or off the map."""
-        from pareto_ltl.kernels.geometry import locate_cells
+        from plane_kernels.geometry import locate_cells
 
         cells: IntArray = locate_cells(self.cells, np.ascontiguousarray(points))
         return cells
@@ -385,7 +385,7 @@ def lines_of(
     ``requested`` (T, m) are the polygons to avoid, ``x`` (T+1, 2) means [m], ``cov`` (T+1, 3)
     covariances [m²].
     """
-    from pareto_ltl.kernels.supporting_lines import SegmentLines, segment_lines
+    from plane_kernels.supporting_lines import SegmentLines, segment_lines
 
     T = len(requested)
     lines = SegmentLines(np.empty((T, slots, 4)), np.empty((T, slots), np.int64), np.empty(T))
