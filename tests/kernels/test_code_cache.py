@@ -149,6 +149,14 @@ def test_a_package_of_kernels_is_known_by_its_first_kernel():
     assert not {"pareto_ltl", "pareto_ltl.planning", "numpy"} & set(PACKAGES)
 
 
+def test_one_line_on_a_terminal_names_the_program_whichever_package_compiles_first(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    code_cache._say_compiling.cache_clear()  # noqa: SLF001 - it speaks once per process
+    for place in (PLANE_KERNELS, KERNELS):
+        code_cache._say_compiling(shipped_code.unusable_reason(place))  # noqa: SLF001
+    assert capsys.readouterr().err == f"pareto-ltl: {code_cache.COMPILING}\n"
+
+
 def test_different_files_have_different_stamps():
     assert code_stamp(KERNELS / "growth.py") != code_stamp(KERNELS / "margin.py")
 
