@@ -15,11 +15,11 @@ but it remains an upper bound of the mission risk.
 from __future__ import annotations
 
 from pareto_ltl.kernels.bounds import Letters, LiveRows, Ordered
-from pareto_ltl.kernels.data import Cov, Gaussian, Point
-from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.letters import epoch_at, next_state
 from pareto_ltl.kernels.mission_risk import read_labels, read_place, read_way
 from pareto_ltl.support.arrays import FloatArray, Int32Array
+from plane_kernels.geometry import locate_cell
+from plane_kernels.types import Cov, Gaussian, Point
 from typed_kernels.jit import allocating, inlined, kernel
 
 STEP_WORTH = 0.25  # weight of one transition to acceptance against V when entries are left out

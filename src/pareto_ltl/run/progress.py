@@ -6,12 +6,10 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
-from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pareto_ltl.run.compile_costs import COSTS
 from pareto_ltl.support.machine import cores
-from pareto_ltl.support.resources import PACKAGE
 from typed_kernels.compile_time import CompileTime, seconds_text
 from typed_kernels.watching import compilation_watched
 
@@ -165,8 +163,7 @@ class ProgressBar:
         if self._bar is None:
             return
         if self._time is None:
-            is_there = partial(has_code, PACKAGE / "kernels")
-            self._time = CompileTime(COSTS.get(self._preset, {}), is_there, min(cores(), 2))
+            self._time = CompileTime(COSTS.get(self._preset, {}), has_code, min(cores(), 2))
         self._time.begins(kernel)
         if self._compiling is None:
             self._compiling = self._bar.add_task("", total=1.0, state="")
