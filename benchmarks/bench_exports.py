@@ -11,10 +11,10 @@ import pytest
 from numpy.random import SeedSequence
 
 import pareto_ltl
-from pareto_ltl.settings import ExportsConfig
 from pareto_ltl_apps.exports.exported import exported_plan
 from pareto_ltl_apps.exports.formats import write_exports
 from pareto_ltl_apps.exports.kinds import FORMATS
+from pareto_ltl_apps.exports.settings import ExportsConfig
 from problems import MISSIONS
 
 ALL = ExportsConfig(formats=list(FORMATS), altitude_lower=300.0, altitude_upper=400.0)

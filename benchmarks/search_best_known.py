@@ -29,11 +29,12 @@ from pareto_ltl.planning.refine.sampled import Candidate, resampled_means
 from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts
 from pareto_ltl.planning.refine.sweep import new_sweep
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.settings import HindcastConfig, RefineConfig, preset
+from pareto_ltl.settings import RefineConfig, preset
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl_apps.studies.forecast_test import mission_settings
 from pareto_ltl_apps.studies.random_missions import Spell
 from pareto_ltl_apps.studies.random_missions import mission as random_mission
+from pareto_ltl_apps.studies.settings import HindcastConfig
 
 KEPT = Path(__file__).with_name("best_known.json")
 SEEDS = (100, 101, 102, 103)  # of the trees: none that a benchmark plans with

@@ -29,12 +29,12 @@ from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
-PLACE = "pareto_ltl/kernels/machine_code/"
+PACKAGES = ("pareto_ltl/kernels", "plane_kernels")  # each has its machine code beside its sources
 DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive: equal content gives equal bytes
 
 
 def compile_kernels(wheel: Path, work: Path, kinds: Iterable[str], jobs: int) -> Mapping[str, bytes]:
-    """The files of machine code that ``pareto-ltl warmup`` writes, by name, with their manifest.
+    """The machine code that ``pareto-ltl warmup`` writes, and its manifests, by their paths in the wheel.
 
     Raises CalledProcessError if a kind of run fails, and ends the program if one finds no path.
     """
@@ -50,10 +50,15 @@ def compile_kernels(wheel: Path, work: Path, kinds: Iterable[str], jobs: int) ->
         print(f"{kind['name']}: {len(kind['compiled'])} kernels, {kind['seconds']:.0f} s")
         if not kind["complete"]:
             sys.exit(f"the small mission of {kind['name']} found no path: its code would be incomplete")
-    files = {path.name: path.read_bytes() for path in sorted(code.rglob("*.nbc"))}
     facts = asked(site, "shipped_code.installation() | {'target': shipped_code.process_target()}", **target)
-    manifest = facts | {"files": {name: sha256(data).hex() for name, data in files.items()}}
-    return {**files, "manifest.json": f"{json.dumps(manifest, indent=1)}\n".encode()}
+    made = {}
+    for package in PACKAGES:
+        written = sorted(code.glob(f"{Path(package).name}_*/*.nbc"))
+        files = {path.name: path.read_bytes() for path in written}
+        manifest = facts | {"files": {name: sha256(data).hex() for name, data in files.items()}}
+        files["manifest.json"] = f"{json.dumps(manifest, indent=1)}\n".encode()
+        made |= {f"{package}/machine_code/{name}": data for name, data in files.items()}
+    return made
 
 
 def baseline(site: Path) -> str:
@@ -101,7 +106,7 @@ def with_code(wheel: Path, out: Path, code: Mapping[str, bytes]) -> Path:
         files[info + "WHEEL"],
     )
     files[info + "METADATA"] = pinned(files[info + "METADATA"], distribution("numba").version)
-    files |= {PLACE + item: data for item, data in code.items()}
+    files |= code
     first = tags[0].rsplit("-", 1)[0]
     platforms = ".".join(tag.rsplit("-", 1)[1] for tag in tags)
     path = out / f"{name}-{version}-{first}-{platforms}.whl"
@@ -151,7 +156,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as work:
         code = compile_kernels(options.wheel.resolve(), Path(work), options.kinds, options.jobs)
     path = with_code(options.wheel, options.out or options.wheel.parent, code)
-    print(f"{path.name}: {path.stat().st_size / 1e6:.1f} MB, {len(code) - 1} files of machine code")
+    count = len(code) - len(PACKAGES)
+    print(f"{path.name}: {path.stat().st_size / 1e6:.1f} MB, {count} files of machine code")
 
 
 if __name__ == "__main__":

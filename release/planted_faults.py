@@ -137,7 +137,7 @@ FAULTS = (
         ("bash", "-c", COVERAGE), "less than fail-under",
     ),
     Fault(
-        "uncompiled kernels", "an index beyond an array", f"{CORE}/kernels/geometry.py",
+        "uncompiled kernels", "an index beyond an array", "src/plane_kernels/geometry.py",
         "for j in range(faces.ptr[part], faces.ptr[part + 1]):\n        nx, ny",
         "for j in range(faces.ptr[part], faces.ptr[part + 1] + 1):\n        nx, ny",
         of_tests("tests/kernels/test_geometry.py", "-k", "segment", uncompiled=True), "IndexError|assert",

@@ -13,9 +13,10 @@ from pyproj import Geod
 
 import pareto_ltl
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.settings import ExportsConfig, SceneConfig, Settings
+from pareto_ltl.settings import SceneConfig, Settings
 from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl_apps.exports.kinds import FORMATS
+from pareto_ltl_apps.exports.settings import ExportsConfig
 from quick_wind import QUICK_WIND
 
 SMALL = {

@@ -7,18 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pareto_ltl.settings import (
-    DeploymentConfig,
-    EvaluationConfig,
-    ForecastTestConfig,
-    PlannerConfig,
-    SelectionConfig,
-    Settings,
-    SmoothingConfig,
-)
+from pareto_ltl.settings import DeploymentConfig, PlannerConfig, SelectionConfig, Settings, SmoothingConfig
 from pareto_ltl.wind.snapshots import Snapshot
 from pareto_ltl_apps.studies import forecast_test as study
 from pareto_ltl_apps.studies.known_winds import DepartureWinds
+from pareto_ltl_apps.studies.settings import EvaluationConfig, ForecastTestConfig
 
 START, HOUR = 1.5e9, 3600.0
 LON, LAT = np.meshgrid(np.arange(-112.0, -87.0), np.arange(29.0, 49.0))

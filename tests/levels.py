@@ -41,7 +41,6 @@ NOT_FAST = [
     "support/test_netcdf4",
     "world/test_cells",
     "world/test_random_maps",
-    "world/test_region_names",
 ]
 
 # Modules or tests that start processes, plan whole missions or read files of every kind: not by day.

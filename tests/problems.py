@@ -13,7 +13,6 @@ from pathlib import Path as FilePath
 import numpy as np
 import yaml
 
-from pareto_ltl.kernels.data import Faces
 from pareto_ltl.logic.mission import automaton_of
 from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.planning.problem import Problem
@@ -33,6 +32,7 @@ from pareto_ltl.wind.records import FORECAST, SPACE, TIME, WindField, WindModes
 from pareto_ltl.world import cells as workspace
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_settings import scene_from_settings as read_scene
+from plane_kernels.types import Faces
 
 KM = 1000.0
 SCENES = FilePath(__file__).parents[1] / "conf" / "scene"

@@ -11,16 +11,16 @@ import numpy as np
 from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.settings import (
     DeploymentConfig,
-    EvaluationConfig,
     MissionConfig,
     PlannerConfig,
-    ReportConfig,
     RobotConfig,
     Settings,
     SmoothingConfig,
     preset,
 )
 from pareto_ltl.wind.records import WindObservations
+from pareto_ltl_apps.studies.settings import EvaluationConfig
+from pareto_ltl_apps.view.settings import ReportConfig
 from problems import box, make_scene
 
 

@@ -58,7 +58,15 @@ def circles(package: Path) -> list[list[str]]:
 
 @pytest.mark.parametrize(
     "package",
-    ["pareto_ltl", "pareto_ltl_apps", "pareto_ltl_verify", "ltlf", "typed_kernels", "hydra_plugins"],
+    [
+        "pareto_ltl",
+        "pareto_ltl_apps",
+        "pareto_ltl_verify",
+        "ltlf",
+        "plane_kernels",
+        "typed_kernels",
+        "hydra_plugins",
+    ],
 )
 def test_no_modules_import_each_other(package: str) -> None:
     assert circles(SOURCE / package) == []

@@ -215,6 +215,13 @@ def test_tests_that_are_named_exist(name: str) -> None:
     assert test in {node.name for node in ast.parse(source).body if isinstance(node, ast.FunctionDef)}
 
 
+def test_modules_that_are_listed_exist_and_stand_in_a_list_once() -> None:
+    tables = [levels.FAST, levels.NOT_FAST + NOT_BY_DAY, levels.ONLY_AT_NIGHT, levels.NOT_SAMPLED, [*SECONDS]]
+    for names in tables:
+        assert len(set(names)) == len(names)
+        assert [name for name in names if not list(HERE.parent.glob(f"{name.partition('::')[0]}.py"))] == []
+
+
 @pytest.mark.parametrize(("retained", "reason"), FEWER.values(), ids=list(FEWER))
 def test_what_is_left_to_the_night_has_a_reason(retained: int, reason: str) -> None:
     assert retained >= 0

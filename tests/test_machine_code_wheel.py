@@ -25,6 +25,7 @@ from unmeasured import untraced
 
 ROOT = Path(__file__).resolve().parents[1]
 INFO = "pareto_ltl-*.dist-info"
+PACKAGES = ("pareto_ltl/kernels", "plane_kernels")
 # Also counts what numba compiles without a cache. Names of compiled functions are the last line.
 RUN = """
 import sys
@@ -84,9 +85,11 @@ def test_tags_metadata_and_manifest_name_python_and_numba(wheel: Path, site: Pat
     assert "Root-Is-Purelib: false" in (info / "WHEEL").read_text()
     needed = [line for line in (info / "METADATA").read_text().splitlines() if "Requires-Dist: numba" in line]
     assert needed == [f"Requires-Dist: numba=={numba.__version__}"]
-    manifest = json.loads((site / "pareto_ltl" / "kernels" / "machine_code" / "manifest.json").read_text())
-    assert manifest["numba"] == numba.__version__
-    assert manifest["target"][1] == BASELINES[platform.machine()][0]
+    for package in PACKAGES:
+        manifest = json.loads((site / package / "machine_code" / "manifest.json").read_text())
+        assert manifest["numba"] == numba.__version__
+        assert manifest["target"][1] == BASELINES[platform.machine()][0]
+        assert manifest["files"]
 
 
 def test_the_record_lists_every_file_with_its_checksum(site: Path) -> None:
@@ -103,8 +106,10 @@ def test_the_record_lists_every_file_with_its_checksum(site: Path) -> None:
 
 
 def test_no_path_of_the_package_that_was_compiled_is_in_the_code(site: Path) -> None:
-    for file in (site / "pareto_ltl" / "kernels" / "machine_code").iterdir():
-        assert b"/pareto_ltl/" not in file.read_bytes()
+    for package in PACKAGES:
+        for file in (site / package / "machine_code").iterdir():
+            assert b"/pareto_ltl/" not in file.read_bytes()
+            assert b"/plane_kernels/" not in file.read_bytes()
 
 
 def test_a_first_run_compiles_nothing_and_writes_no_code(site: Path, tmp_path: Path) -> None:

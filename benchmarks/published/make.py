@@ -26,12 +26,13 @@ import numpy as np
 
 from pareto_ltl import Readings, Scene
 from pareto_ltl.extend import Snapshot
-from pareto_ltl.settings import ForecastTestConfig, WindConfig
+from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError, InfeasibleError
 from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl_apps.formats.snapshots import known_at, latest_readings
 from pareto_ltl_apps.studies.random_missions import mission, spells
+from pareto_ltl_apps.studies.settings import ForecastTestConfig
 from pareto_ltl_apps.wind_errors.full_winds import full_winds
 from published.dataset import FOLDER, Mission
 from published.planners import PLANNERS, Planned, plan

@@ -7,7 +7,8 @@
 - Kinds: ``Cost``; ``WindSource``, with what a reader of winds returns (``Snapshot``, ``readings_of``) and is
   asked for (``Wanted``, ``GeoBox``); readers of maps (``MapFormats``, ``SceneSketch``) and of automata
   (``AutomatonFormats``); laws of wind errors.
-- Sections of :class:`pareto_ltl.Settings` and their ``Declaration``; ``Frame``, the plane and clock of a map.
+- Sections of :class:`pareto_ltl.Settings` and their ``Declaration``, of which a section of another package is
+  made, too: ``CheckedSettings``, ``setting``, ``check_time``; ``Frame``, the plane and clock of a map.
 
 They stand in ``extend.pyi`` and are imported when they are used, as the names of ``pareto_ltl``.
 """

@@ -93,16 +93,14 @@ def granted_settings(words: Sequence[str]) -> dict[str, Any]:
 
 def acts(settings: Settings, known: KnownFiles, given: Mapping[str, Any]) -> Iterator[Act]:
     """What ``settings`` would do beyond their directory."""
-    study, wind = settings.evaluation, settings.wind
-    if study.cluster is not None:
-        yield Act("evaluation.cluster", study.cluster, f"send code to the cluster {_shown(study.cluster)}")
-    if study.resume is not None:
-        yield Act("evaluation.resume", study.resume, f"continue the run in {_shown(study.resume)}")
-    if wind.base_url is not None:
-        yield Act("wind.base_url", wind.base_url, f"download from {_shown(wind.base_url)}")
-    elif wind.source not in wind_sources():
+    wind = settings.wind
+    for section in sorted(settings.sections(), key=lambda section: section is wind):  # the wind's come last
+        for name, deed in section.acts.items():
+            if (value := getattr(section, name)) is not None:
+                yield Act(f"{section.section}.{name}", value, deed.format(_shown(value)))
+    if wind.base_url is None and wind.source not in wind_sources():
         yield Act("wind.source", wind.source, f"run the wind source {_shown(wind.source)} of another package")
-    elif wind_sources()[wind.source].live and not wind.offline and "wind.offline" not in given:
+    elif wind.base_url is None and _downloads(settings) and "wind.offline" not in given:
         yield Act("wind.source", wind.source, "download a forecast")
     for key, name in named_files(settings):
         if key not in given and not known.knows(name):
@@ -139,6 +137,10 @@ def law_file(settings: Settings) -> str | None:
     """The file of ``wind.forecast_error``; None if it is a word."""
     name = settings.wind.forecast_error
     return None if name in LAW_WORDS else name
+
+
+def _downloads(settings: Settings) -> bool:
+    return wind_sources()[settings.wind.source].live and not settings.wind.offline
 
 
 def _reads_path(settings: Settings) -> bool:

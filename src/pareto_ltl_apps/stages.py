@@ -8,8 +8,11 @@ from pathlib import Path
 from pareto_ltl import Run
 from pareto_ltl.extend import Record
 from pareto_ltl_apps.exports.kinds import BRANCH_FILES, format_files
+from pareto_ltl_apps.exports.settings import ExportsConfig
+from pareto_ltl_apps.formats.settings import IngestConfig
 from pareto_ltl_apps.studies.stages import FIGURE_FILES, STUDY_STAGES
 from pareto_ltl_apps.view import PAGE_FILE
+from pareto_ltl_apps.view.settings import ReportConfig
 
 LOG = logging.getLogger("pareto_ltl.stages")
 
@@ -17,12 +20,12 @@ LOG = logging.getLogger("pareto_ltl.stages")
 def write_plan_files(run: Run) -> tuple[Path, ...]:
     """Files of the plan, in the formats of ``exports.formats`` that the map and its departure allow."""
     settings, plan, problem = run.settings, run.plan, run.problem
-    if not settings.exports.files:
+    if not settings[ExportsConfig].files:
         return ()
     from pareto_ltl_apps.exports.exported import exported_plan
     from pareto_ltl_apps.exports.formats import writable_formats, write_exports
 
-    formats, reason = writable_formats(settings.exports.formats, problem.scene, plan.path.t)
+    formats, reason = writable_formats(settings[ExportsConfig].formats, problem.scene, plan.path.t)
     if reason:
         LOG.info("%s", reason)
     if not formats:
@@ -32,19 +35,19 @@ def write_plan_files(run: Run) -> tuple[Path, ...]:
 
 def draw_figures(run: Run) -> tuple[Path, ...]:
     """Figures of the records that exist; without a plan the map shows how far the trees came."""
-    if not run.settings.report.figures:
+    if not run.settings[ReportConfig].figures:
         return ()
     from pareto_ltl_apps.view.figures import draw_run_figures
     from pareto_ltl_apps.view.page_stage import drawn_records
     from pareto_ltl_apps.view.records import DrawnRun
 
     drawn = DrawnRun(decomposition=run.cells, **drawn_records(run))
-    return draw_run_figures(run.place / "figures", run.settings.report, drawn)
+    return draw_run_figures(run.place / "figures", run.settings[ReportConfig], drawn)
 
 
 def write_page(run: Run) -> tuple[Path, ...]:
     """``report.html`` from the records that exist; without a plan the page states the reason."""
-    if not run.settings.report.page:
+    if not run.settings[ReportConfig].page:
         return ()
     from pareto_ltl_apps.view.page_stage import make_page
 
@@ -55,7 +58,7 @@ def write_table(run: Run) -> Path:
     """The wind table of ``pipelines=ingest``; its path is relative to the current folder."""
     from pareto_ltl_apps.formats.wind_table import write_wind_table
 
-    ingest = run.settings.ingest
+    ingest = run.settings[IngestConfig]
     return write_wind_table(run.settings.wind, run.readings, ingest, Path(ingest.out))
 
 
@@ -65,10 +68,11 @@ EXPORT = Record(
     "export",
     EXPORTED,
     name="exports",
+    words="Writing files",
     later=tuple(folder + name for folder in ("exports/", "exports_point_*/") for name in EXPORTED),
 )
-FIGURES = Record(draw_figures, "report", shows=FIGURE_FILES, name="figures")
-PAGE = Record(write_page, "page", shows=(PAGE_FILE,))
+FIGURES = Record(draw_figures, "report", shows=FIGURE_FILES, name="figures", words="Drawing figures")
+PAGE = Record(write_page, "page", shows=(PAGE_FILE,), words="Writing the report")
 TABLE = Record(write_table, "table")
 TABLE.elsewhere = True
 STAGES = (TABLE, EXPORT, FIGURES, PAGE, *STUDY_STAGES)

@@ -27,7 +27,8 @@ from pareto_ltl_verify.geometry import Convex, beyond_bounds, convex
 from pareto_ltl_verify.laws import Coherent, Course, Independent, Law, landmarks_of
 from pareto_ltl_verify.rare import rare_failures
 from pareto_ltl_verify.robot import Robot, energy_limits
-from pareto_ltl_verify.wind_tables import CURRENTS, ENSEMBLE, clock, read_wind_file, source_of
+from pareto_ltl_verify.sources import Source, source_of
+from pareto_ltl_verify.wind_tables import ENSEMBLE, clock, read_wind_file
 
 T = TypeVar("T")
 LAWS = ("independent", "coherent")
@@ -117,7 +118,12 @@ class Evidence:
         """Whether members of an ensemble, which are not in wind.nc, are part of the wind's error."""
         source, modes = self.settings["wind"]["source"], self.wind.modes
         members = modes is not None and bool((modes.part == ENSEMBLE).any())
-        return source == "ensemble" or (source_of(source).ensemble and members)
+        return source == "ensemble" or (self.source_row.ensemble and members)
+
+    @property
+    def source_row(self) -> Source:
+        """What the source of the wind implies."""
+        return source_of(str(self.settings["wind"]["source"]))
 
     # --- the world ----------------------------------------------------------------------------
 
@@ -269,7 +275,7 @@ class Evidence:
         """What moves the robot, in words; files of earlier versions also call currents winds."""
         wind, flown = self.settings["wind"], self.settings["robot"].get("level") or ""
         depth = any(text.endswith("depth") for text in (wind["level"], flown))
-        return ("currents", "winds") if depth or wind["source"] in CURRENTS else ("winds",)
+        return ("currents", "winds") if depth or self.source_row.current else ("winds",)
 
     @cached_property
     def course(self) -> Course:

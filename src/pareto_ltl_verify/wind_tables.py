@@ -25,52 +25,8 @@ SPACE, FORECAST, TIME, ENSEMBLE, HELD, LASTING, GROWING, SLOW, LOCAL = range(len
 OF_FORECASTS = {  # by the name of a part of the law
     "forecast": FORECAST, "lasting": LASTING, "growing": GROWING, "slow": SLOW, "local": LOCAL,
 }  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """What a value of ``wind.source`` implies.
-
-    Attributes
-    ----------
-    law : str or None
-        The law of wind.forecast_error=auto; None if it is not known.
-    ensemble : bool
-        Whether members of an ensemble can be part of the wind's error.
-    level : bool
-        Whether the level is set in the settings.
-    modelled : bool or None
-        Whether its fields are of a weather model, whose analyses count; None if it is not known.
-    """
-
-    law: str | None
-    ensemble: bool
-    level: bool
-    modelled: bool | None = True
-
-
-CURRENTS = ("currents", "rtofs")
-SOURCES = {
-    "sample": Source("none", ensemble=False, level=False, modelled=False),
-    "csv": Source("gfs", ensemble=False, level=True),
-    "grib": Source("gfs", ensemble=True, level=True),
-    "netcdf": Source("gfs", ensemble=True, level=True),
-    "stations": Source("none", ensemble=False, level=True, modelled=False),
-    **dict.fromkeys(("noaa", "aigfs", "aigefs"), Source("gfs", ensemble=True, level=True)),
-    **dict.fromkeys(("ifs", "aifs"), Source("ecmwf_class", ensemble=True, level=True)),
-    "nbm": Source("hourly_fine", ensemble=True, level=True),
-    **dict.fromkeys(CURRENTS, Source("currents", ensemble=False, level=False)),
-    "ensemble": Source("gfs", ensemble=True, level=True),
-    "given": Source(None, ensemble=True, level=True),
-    "calm": Source(None, ensemble=False, level=False),
-}
 HELD_EPOCH = 10_800.0  # [s] time for which the error of a held field has one spatial pattern
 HYPER = ("prior_mean", "prior_sd", "prior_length", "noise_sd")
-
-
-def source_of(name: str) -> Source:
-    """The row of a wind source; of another package's, little is known."""
-    return SOURCES.get(name, Source(None, ensemble=True, level=False, modelled=None))
 
 
 SIDES = {

@@ -5,6 +5,7 @@
 ``code_cache``    which machine code is read, when it is compiled again, where it is written
 ``code_files``    its files: written whole, read if undamaged and out of reach for other users
 ``shipped_code``  machine code that a wheel brings
+``packages``      which packages have kernels; it loads no numba
 ``watching``      what is compiled now, for those who show it; it loads no numba
 
 Nothing here knows what the kernels compute. A package of kernels is a folder of modules with decorated

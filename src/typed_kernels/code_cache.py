@@ -2,11 +2,11 @@
 
 A file holds the code of one kernel for one list of types. Its name contains a fingerprint of everything that
 the code depends on: numba, Python, the processor, the types, and the stamp of the kernel. The stamp is a
-fingerprint of the kernel's module, of every module of kernels that this one imports (:data:`PACKAGES`), and
-of the files of other packages that add code to a function of these (:data:`FOREIGN`). After a change, only
-what depends on it is compiled again. Numba's own cache compares only the file of a compiled function, and has
-an index of pickled types: two processes that write it at the same time can exchange each other's code. There
-is no index here.
+fingerprint of the kernel's module, of every module of kernels that this one imports
+(:mod:`typed_kernels.packages`), and of the files of other packages that add code to a function of these
+(:data:`FOREIGN`). After a change, only what depends on it is compiled again. Numba's own cache compares only
+the file of a compiled function, and has an index of pickled types: two processes that write it at the same
+time can exchange each other's code. There is no index here.
 
 Code is looked for in the folder that a wheel brings (:mod:`typed_kernels.shipped_code`), then in
 :meth:`KernelCache.folders`. Only undamaged files that other users cannot write are read
@@ -34,14 +34,14 @@ from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 from numba.misc.appdirs import AppDirs
 
+from typed_kernels import packages
 from typed_kernels.code_files import SUFFIX, read_code, write_code
+from typed_kernels.packages import PACKAGES
 from typed_kernels.shipped_code import Target, shipped_code, unusable_reason
 from typed_kernels.watching import compilation_begins, compilation_ends
 
 LOG = logging.getLogger(__name__)
 
-# Packages with kernels, and their folders: one is added with its first kernel (KernelCache).
-PACKAGES: dict[str, Path] = {__package__: Path(__file__).parent}
 # Source files with code for a function whose implementation is chosen by type, by the file of that function,
 # if they are not in its folder.
 FOREIGN: dict[Path, set[Path]] = {}
@@ -131,8 +131,7 @@ class KernelCache(_Cache):  # type: ignore[misc]  # numba has no types
 
     def _announce(self) -> None:
         """Say once in the log, and on a terminal, that code is compiled; tell watchers which kernel."""
-        program = self.function.__module__.partition(".")[0].replace("_", "-")
-        _say_compiling(program, unusable_reason(self.source.parent))
+        _say_compiling(unusable_reason(self.source.parent))
         compilation_begins(self.start[:-1])
 
     def remove_outdated(self, folder: Path) -> None:
@@ -170,14 +169,15 @@ def code_folders(place: Path) -> list[Path]:
     return [place / "__pycache__", users / inside]
 
 
-def has_code(place: Path, kernel: str) -> bool:
-    """Whether there is code of ``kernel``, as "module.function", for its present source and any types.
-
-    ``place`` is the folder of the module.
-    """
-    source = place / f"{kernel.partition('.')[0]}.py"
-    pattern = f"{kernel}-*-{_mark(source)}.*{SUFFIX}"
-    return any(any(folder.glob(pattern)) for folder in code_folders(place))
+def has_code(kernel: str) -> bool:
+    """Whether there is code of ``kernel``, as "module.function", for its present source and any types."""
+    sources = (place / f"{kernel.partition('.')[0]}.py" for place in PACKAGES.values())
+    return any(
+        any(folder.glob(f"{kernel}-*-{_mark(source)}.*{SUFFIX}"))
+        for source in sources
+        if source.is_file()
+        for folder in code_folders(source.parent)
+    )
 
 
 @lru_cache
@@ -191,13 +191,13 @@ def _warn_unwritable(text: str) -> None:
 
 
 @lru_cache
-def _say_compiling(program: str, reason: str) -> None:
+def _say_compiling(reason: str) -> None:
     LOG.info("%s", COMPILING)
     if reason:
         LOG.warning("%s", reason)
     if sys.stderr.isatty():
         for line in (COMPILING, reason) if reason else (COMPILING,):
-            print(f"{program}: {line}", file=sys.stderr)
+            print(f"{packages.PROGRAM}: {line}", file=sys.stderr)
 
 
 def code_stamp(file: Path) -> str:

@@ -23,7 +23,6 @@ from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.record import Record
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.settings.outputs import ON_REQUEST
 from pareto_ltl.support import machine
 from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
@@ -33,6 +32,7 @@ from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl_apps.cli.output import output_of
 from pareto_ltl_apps.cli.setting_keys import settings_from
 from pareto_ltl_apps.exports.kinds import FORMATS
+from pareto_ltl_apps.exports.settings import ON_REQUEST
 from unmeasured import untraced
 
 SECTIONS = ("scene", "mission", "robot", "wind", "planner", "fidelity", "selection", "deployment", "report")

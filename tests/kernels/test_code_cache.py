@@ -17,23 +17,26 @@ from pathlib import Path
 
 import pytest
 
+import plane_kernels
 from pareto_ltl import kernels
 from pareto_ltl.kernels.collision_risk import step_allowed
 from typed_kernels import code_cache, code_files, shipped_code
-from typed_kernels.code_cache import FOREIGN, PACKAGES, code_stamp, reachable_sources
+from typed_kernels.code_cache import FOREIGN, code_stamp, reachable_sources
 from typed_kernels.jit import IMPLEMENTATIONS, by_type, implements, source_file
+from typed_kernels.packages import PACKAGES
 from unmeasured import untraced
 
 KERNELS = Path(kernels.__file__).parent
+PLANE_KERNELS = Path(plane_kernels.__file__).parent
 TYPED_KERNELS = Path(code_cache.__file__).parent
 # One square cell. Each process of these tests imports again, so little is imported. One test renames Cells.
 PROGRAM = """
 import numpy as np
-from pareto_ltl.kernels import data
-from pareto_ltl.kernels.geometry import locate_cells
+from plane_kernels.geometry import locate_cells
+from plane_kernels import types
 normals = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-square = data.Faces(np.array([0, 4]), normals, np.ones(4))
-kind = data.Cells if hasattr(data, "Cells") else data.CellTable
+square = types.Faces(np.array([0, 4]), normals, np.ones(4))
+kind = types.Cells if hasattr(types, "Cells") else types.CellTable
 cells = kind(-1.0, -1.0, 1.0, 1.0, 1, np.array([0, 1]), np.array([0]), square)
 print(locate_cells(cells, np.array([[1e9, 1e9], [0.5, 0.5]])).tolist())
 print(sum(locate_cells.stats.cache_hits.values()), sum(locate_cells.stats.cache_misses.values()))
@@ -53,7 +56,9 @@ def names(file: str) -> set[str]:
 
 
 def test_a_file_reaches_what_it_imports_directly_or_through_others():
-    assert {"growth", "tree", "parents", "collision_risk", "gaussian", "data", "jit"} <= names("growth.py")
+    assert {"growth", "tree", "parents", "collision_risk", "gaussian", "data", "types", "jit"} <= names(
+        "growth.py"
+    )
     assert not {"margin", "flight", "visibility", "importance"} & names("growth.py")
     assert "growth" not in names("margin.py")
 
@@ -63,7 +68,9 @@ def test_modules_that_a_file_imports_as_such_are_reached():
 
 
 @pytest.mark.parametrize(
-    "file", sorted([*KERNELS.glob("*.py"), *TYPED_KERNELS.glob("*.py")]), ids=lambda file: file.stem
+    "file",
+    sorted(file for folder in (KERNELS, PLANE_KERNELS, TYPED_KERNELS) for file in folder.glob("*.py")),
+    ids=lambda file: f"{file.parent.name}.{file.stem}",
 )
 def test_the_pattern_of_imports_finds_what_the_parser_finds(file):
     found = [node for node in ast.walk(ast.parse(file.read_bytes())) if isinstance(node, ast.ImportFrom)]
@@ -71,7 +78,7 @@ def test_the_pattern_of_imports_finds_what_the_parser_finds(file):
     modules |= {f"{node.module}.{alias.name}" for node in found for alias in node.names}
     reached = {
         folder / f"{name.rpartition('.')[2]}.py"
-        for package, folder in (("pareto_ltl.kernels", KERNELS), ("typed_kernels", TYPED_KERNELS))
+        for package, folder in PACKAGES.items()
         for name in modules
         if f"{package}." in name
     }
@@ -83,7 +90,7 @@ def test_the_pattern_of_imports_finds_what_the_parser_finds(file):
 
 ENTRIES = [
     file
-    for file in sorted(KERNELS.glob("*.py"))
+    for file in sorted([*KERNELS.glob("*.py"), *PLANE_KERNELS.glob("*.py")])
     if re.search(r"^@(entry|allocating)", file.read_text(), re.M)
 ]
 
@@ -99,7 +106,7 @@ def test_a_file_that_reaches_a_choice_reaches_the_code_of_every_model(file):
 
 
 def test_code_that_others_add_to_a_model_changes_the_stamps_of_what_can_reach_it(monkeypatch):
-    reaching, other = KERNELS / "growth.py", KERNELS / "visibility.py"
+    reaching, other = KERNELS / "growth.py", PLANE_KERNELS / "visibility.py"
     before = code_stamp(reaching), code_stamp(other)
     assert KERNELS / "collision_risk.py" in reachable_sources(reaching) - reachable_sources(other)
     monkeypatch.setitem(FOREIGN, KERNELS / "collision_risk.py", set())
@@ -138,8 +145,16 @@ def test_imports_of_other_packages_of_kernels_and_of_neighbours_are_followed(tmp
 
 
 def test_a_package_of_kernels_is_known_by_its_first_kernel():
-    assert PACKAGES["pareto_ltl.kernels"] == KERNELS
+    assert (PACKAGES["pareto_ltl.kernels"], PACKAGES["plane_kernels"]) == (KERNELS, PLANE_KERNELS)
     assert not {"pareto_ltl", "pareto_ltl.planning", "numpy"} & set(PACKAGES)
+
+
+def test_one_line_on_a_terminal_names_the_program_whichever_package_compiles_first(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    code_cache._say_compiling.cache_clear()  # noqa: SLF001 - it speaks once per process
+    for place in (PLANE_KERNELS, KERNELS):
+        code_cache._say_compiling(shipped_code.unusable_reason(place))  # noqa: SLF001
+    assert capsys.readouterr().err == f"pareto-ltl: {code_cache.COMPILING}\n"
 
 
 def test_different_files_have_different_stamps():
@@ -156,6 +171,10 @@ class Program:
     @property
     def kernels(self) -> Path:
         return self.folder / "src" / "pareto_ltl" / "kernels"
+
+    @property
+    def plane(self) -> Path:
+        return self.folder / "src" / "plane_kernels"
 
     @property
     def code(self) -> Path:
@@ -185,7 +204,7 @@ class Program:
 
     @property
     def list_of_code(self) -> Path:
-        return self.kernels / "machine_code" / shipped_code.MANIFEST
+        return self.plane / "machine_code" / shipped_code.MANIFEST
 
     def change_list(self, **values: object) -> None:
         """Change values of the list of the code in the package."""
@@ -193,7 +212,7 @@ class Program:
 
     def ship(self) -> None:
         """Put the code of PROGRAM for the baseline into the package, as a wheel has it."""
-        place = self.kernels / "machine_code"
+        place = self.plane / "machine_code"
         named = {"NUMBA_CPU_NAME": shipped_code.BASELINES[platform.machine()][0], "NUMBA_CPU_FEATURES": ""}
         assert self(**named) == "compiled"
         place.mkdir()
@@ -207,7 +226,7 @@ class Program:
 def copied(folder: Path) -> Program:
     """A copy of the package in ``folder``."""
     leave_out = shutil.ignore_patterns("__pycache__", "machine_code")
-    for package in (KERNELS.parent, TYPED_KERNELS):
+    for package in (KERNELS.parent, PLANE_KERNELS, TYPED_KERNELS):
         shutil.copytree(package, folder / "src" / package.name, ignore=leave_out)
     for name in ("conf", "pipelines"):
         shutil.copytree(KERNELS.parents[2] / name, folder / name)
@@ -227,7 +246,7 @@ def test_a_change_compiles_anew_what_it_can_reach_and_nothing_else(program):
     other.write_text(other.read_text() + "\n# another kernel\n")
     assert program() == "reused"
 
-    helper = program.kernels / "data.py"  # locate_cells is in geometry.py, which imports it
+    helper = program.plane / "types.py"  # locate_cells is in geometry.py, which imports it
     helper.write_text(helper.read_text() + "\n# a file that it reaches\n")
     assert program() == "compiled"
     assert program() == "reused"
@@ -238,7 +257,7 @@ def test_code_for_types_that_are_gone_is_removed_and_never_read(program):
     assert program() == "compiled"
     old = program.files()
     assert old
-    for source in program.kernels.parent.rglob("*.py"):
+    for source in program.plane.parent.rglob("*.py"):
         source.write_text(re.sub(r"\bCells\b", "CellTable", source.read_text()))
     assert program() == "compiled"
     assert program() == "reused"
@@ -283,7 +302,7 @@ def test_a_damaged_or_foreign_file_is_not_executed_and_one_line_says_so(program,
      (replace_by_pipe, "it is no file")],
 )  # fmt: skip
 def test_a_damaged_or_foreign_file_has_no_content_and_one_line_says_so(tmp_path, caplog, harm, reason):
-    file, source, content = tmp_path / "kernel.nbc", KERNELS / "geometry.py", bytes(range(256))
+    file, source, content = tmp_path / "kernel.nbc", PLANE_KERNELS / "geometry.py", bytes(range(256))
     code_files.write_code(file, source, "kernel", content)
     assert code_files.read_code(file, source, "kernel") == content
     assert not caplog.messages
@@ -295,12 +314,36 @@ def test_a_damaged_or_foreign_file_has_no_content_and_one_line_says_so(tmp_path,
 
 
 def test_the_code_of_one_kernel_is_not_that_of_another_with_a_valid_checksum(tmp_path, caplog):
-    file, source = tmp_path / "kernel.nbc", KERNELS / "geometry.py"
+    file, source = tmp_path / "kernel.nbc", PLANE_KERNELS / "geometry.py"
     code_files.write_code(file, source, "geometry.locate_cells", b"code")
     assert code_files.read_code(file, source, "geometry.locate_cells") == b"code"
     assert code_files.read_code(file, source, "geometry.nearest") is None
     (line,) = caplog.messages
     assert f"{file} is not used: it is the code of another kernel" in line
+
+
+NORTHING = """
+from plane_kernels.types import Point
+from typed_kernels.jit import entry
+
+
+@entry
+def north(point):
+    return point[1]
+
+
+print(north(Point(3.0, 4.0)), sum(north.stats.cache_misses.values()))
+"""
+
+
+def test_a_change_of_types_in_another_package_compiles_what_imports_them(program):
+    """The package of the types has no kernel in this process."""
+    (program.kernels / "northing.py").write_text(NORTHING)
+    use = "from pareto_ltl.kernels import northing"
+    assert [program.run(use).split(), program.run(use).split()] == [["4.0", "1"], ["4.0", "0"]]
+    helper = program.plane / "types.py"
+    helper.write_text(helper.read_text() + "\n# a file that it reaches\n")
+    assert [program.run(use).split(), program.run(use).split()] == [["4.0", "1"], ["4.0", "0"]]
 
 
 DOUBLING = """
@@ -424,7 +467,7 @@ def test_code_in_the_package_is_used_and_nothing_is_written(shipped):
 
 
 def test_code_in_the_package_that_is_damaged_or_not_listed_is_compiled(shipped):
-    (file,) = (shipped.kernels / "machine_code").glob("*.nbc")
+    (file,) = (shipped.plane / "machine_code").glob("*.nbc")
     whole = file.read_bytes()
     damage(file)
     assert shipped() == "compiled"
@@ -440,7 +483,7 @@ def test_code_in_the_package_that_is_damaged_or_not_listed_is_compiled(shipped):
 
 
 def test_code_in_the_package_for_another_source_is_compiled(shipped):
-    helper = shipped.kernels / "data.py"
+    helper = shipped.plane / "types.py"
     helper.write_text(helper.read_text() + "\n# changed after the wheel was built\n")
     assert shipped() == "compiled"
 

@@ -10,9 +10,9 @@ from scipy.stats import norm
 
 from pareto_ltl.kernels import collision_risk as kernel
 from pareto_ltl.kernels.bounds import PathBound, StepBound
-from pareto_ltl.kernels.data import Cov, Gaussian, Point
-from pareto_ltl.kernels.geometry import look_around
 from pareto_ltl.planning.pack import pack_faces, pack_nearby
+from plane_kernels.geometry import look_around
+from plane_kernels.types import Cov, Gaussian, Point
 from problems import KM, box, make_problem, make_scene, polygon_faces, two_goals
 
 some = settings(deadline=None, max_examples=40)

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from oracle import path_risk as risk
-from pareto_ltl.kernels import gaussian
-from pareto_ltl.kernels.data import Cov, Gaussian, Point
 from pareto_ltl.planning.pack import pack_faces
 from pareto_ltl.world.cells import half_planes
 from pareto_ltl_verify.gaussians import in_polygon, left_out
 from pareto_ltl_verify.geometry import convex
+from plane_kernels import gaussian
+from plane_kernels.types import Cov, Gaussian, Point
 from problems import box, make_problem, make_scene, random_covariances
 from strategies import convex_polygons
 

@@ -10,10 +10,10 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.kernels import geometry
-from pareto_ltl.kernels.data import Point
 from pareto_ltl.planning.pack import pack_barriers, pack_cells, pack_faces, pack_nearby
 from pareto_ltl.world import cells as workspace
+from plane_kernels import geometry
+from plane_kernels.types import Point
 from problems import KM, box, two_goals
 from strategies import convex_polygons, lattice_scenes, scenes
 

@@ -7,9 +7,9 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from pareto_ltl.kernels import interpolation as lattice
-from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.interpolation import wind_slopes
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
+from plane_kernels.types import Point
 from problems import KM, box, make_problem, make_scene, rough_wind
 
 SCENE = make_scene({"a": box(10, 10, 12, 12)})

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.neighbours import Bins, bin_of, kd_insert, kd_nearest, remember
+from plane_kernels.types import Point
 from problems import RARE, chi_square_chance
 
 some = settings(deadline=None, max_examples=60)

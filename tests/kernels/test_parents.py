@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
 from pareto_ltl.kernels import tree as kernel
-from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.parents import Candidate, Dominance, improves
 from pareto_ltl.planning import growth
 from pareto_ltl.planning.growth import GrowthOptions
 from pareto_ltl.planning.product_graph import cell_fans, product_graph
 from pareto_ltl.planning.tree_models import tree_models
 from pareto_ltl.settings import PlannerConfig
+from plane_kernels.types import Point
 from problems import KM, box, make_problem, make_scene, steady_wind
 
 

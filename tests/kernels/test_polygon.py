@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import owens_t
 
-from pareto_ltl.kernels import polygon as kernel
-from pareto_ltl.kernels.data import Corners
 from pareto_ltl_verify.gaussians import in_polygon
 from pareto_ltl_verify.geometry import convex
+from plane_kernels import polygon as kernel
+from plane_kernels.types import Corners
 from problems import three_columns
 
 few = settings(deadline=None, max_examples=15)

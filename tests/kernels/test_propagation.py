@@ -12,11 +12,11 @@ from coherent import STEPS, coherent_problem
 from oracle import path_risk as risk
 from pareto_ltl.kernels import motion as steps
 from pareto_ltl.kernels import propagation as kernel
-from pareto_ltl.kernels.data import Cov, Gaussian, Point
 from pareto_ltl.kernels.interpolation import gust_variance, wind_at
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
 from pareto_ltl.settings import RobotConfig
+from plane_kernels.types import Cov, Gaussian, Point
 from problems import KM, QUICK_ERROR, box, make_problem, make_scene, random_covariances, rough_wind
 
 SCENE = make_scene({"a": box(10, 10, 12, 12)})

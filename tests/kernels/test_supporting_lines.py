@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.stats import binom, norm
 
-from pareto_ltl.kernels.supporting_lines import SURE, SegmentLines, segment_lines
 from pareto_ltl.planning.pack_logic import pack_corners
+from plane_kernels.supporting_lines import SURE, SegmentLines, segment_lines
 
 RARE = 1e-7
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)

@@ -10,9 +10,9 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from pareto_ltl.kernels import tree as kernel
-from pareto_ltl.kernels.data import Point
 from pareto_ltl.planning.pack import pack_motion
 from pareto_ltl.settings import RobotConfig
+from plane_kernels.types import Point
 from problems import KM
 
 some = settings(deadline=None, max_examples=60)

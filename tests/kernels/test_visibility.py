@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.kernels.visibility import (
+from pareto_ltl.planning.pack import pack_faces
+from plane_kernels.visibility import (
     BESIDE,
     TOUCH,
     Distances,
@@ -19,7 +20,6 @@ from pareto_ltl.kernels.visibility import (
     kept_distance,
     seen_places,
 )
-from pareto_ltl.planning.pack import pack_faces
 from problems import polygon_faces
 from strategies import convex_polygons
 

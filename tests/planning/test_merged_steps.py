@@ -9,7 +9,6 @@ import pytest
 from numpy.random import SeedSequence
 
 from pareto_ltl.extend import draw_flights
-from pareto_ltl.kernels.geometry import locate_cells
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem, with_merged_steps
@@ -21,6 +20,7 @@ from pareto_ltl.planning.refine.starts import Start, first_starts
 from pareto_ltl.planning.refine.sweep import first_of
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.world.windows import Window
+from plane_kernels.geometry import locate_cells
 from problems import box, make_problem, make_scene, smooth_wind
 
 TIMES = 4

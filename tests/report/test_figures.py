@@ -23,11 +23,12 @@ from drawn_world import (
     wind_of,
 )
 from pareto_ltl.planning.records import Front
-from pareto_ltl.settings import ReportConfig, preset
+from pareto_ltl.settings import preset
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.figures import draw_run_figures
 from pareto_ltl_apps.view.front import front_figure
 from pareto_ltl_apps.view.records import DrawnRun
+from pareto_ltl_apps.view.settings import ReportConfig
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,6 @@ from drawn_world import path_of, plan_of, run_records, scene_of
 from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
 from pareto_ltl.planning.limits import Price, SegmentLimits
 from pareto_ltl.planning.records import Plan
-from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.display import allowed_text, probability_text
 from pareto_ltl.support.medium import AIR, WATER, Medium
 from pareto_ltl_apps.view import style
@@ -37,6 +36,7 @@ from pareto_ltl_apps.view.limits import (
 from pareto_ltl_apps.view.page.content import page_bytes, page_content
 from pareto_ltl_apps.view.plan_maps import BARS, limits_figure
 from pareto_ltl_apps.view.records import DrawnRun, ShownRun
+from pareto_ltl_apps.view.settings import ReportConfig
 from quick_plan import QUICK_SEARCH
 
 HOSTILE = "<img src=x onerror=alert(1)>&\"' $x_1$"

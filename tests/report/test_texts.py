@@ -27,15 +27,14 @@ from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_tex
 from pareto_ltl.extend import FailureRate
 from pareto_ltl.planning.evaluate import Forecast
 from pareto_ltl.planning.rates import Promise
-from pareto_ltl.settings import (
+from pareto_ltl.settings import preset
+from pareto_ltl_apps.studies import compare, convergence, sweep_summary
+from pareto_ltl_apps.studies.settings import (
     AblationConfig,
     CompareConfig,
     ConvergenceConfig,
     EvaluationConfig,
-    ReportConfig,
-    preset,
 )
-from pareto_ltl_apps.studies import compare, convergence, sweep_summary
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.axes import rate_tick_text, rate_ticks
 from pareto_ltl_apps.view.figures import draw_record
@@ -50,6 +49,7 @@ from pareto_ltl_apps.view.map_layers import (
 )
 from pareto_ltl_apps.view.metric_names import LAW_NAMES, METRIC_LABELS, is_probability, metric_label
 from pareto_ltl_apps.view.records import DrawnRun
+from pareto_ltl_apps.view.settings import ReportConfig
 from pareto_ltl_apps.view.study_forecast_test import reliability_figure
 from pareto_ltl_apps.view.study_planners import (
     ablation_figure,

@@ -11,7 +11,6 @@ import pytest
 
 from drawn_world import UNIT, decomposition_of, run_records, scene_of
 from figure_texts import texts_of, texts_outside, wrong_texts
-from pareto_ltl.settings import ReportConfig
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.windows import Window
 from pareto_ltl_apps.view import style
@@ -19,6 +18,7 @@ from pareto_ltl_apps.view.figures import draw_record
 from pareto_ltl_apps.view.map import plan_figure
 from pareto_ltl_apps.view.map_layers import short_span, time_lines, timed_obstacles, visited_outlines
 from pareto_ltl_apps.view.records import DrawnRun
+from pareto_ltl_apps.view.settings import ReportConfig
 
 HOUR = 3600.0
 STORM = np.array([(3.0, 7.9), (3.9, 7.9), (3.9, 8.8), (3.0, 8.8)]) * UNIT

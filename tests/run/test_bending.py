@@ -106,6 +106,16 @@ def test_a_trunk_that_does_not_fail_less_is_not_taken(detour: Any, monkeypatch: 
     assert kept[1] is tree
 
 
+def test_trees_that_are_compared_meet_the_same_winds(detour: Any) -> None:
+    """Two flights of one tree with one random stream are the same, also if the stream was used before."""
+    grower, path, tree = detour
+    branching, seeds = stage.drafted(grower.problem, stage.Grown(tree, 2)), SeedSequence(4)
+    once, again = (stage.fly_tree(grower.problem, path, branching, 500, seeds) for _ in range(2))
+    assert 0.0 < once.failed.mean() < 1.0
+    np.testing.assert_array_equal(once.failed, again.failed)
+    np.testing.assert_array_equal(once.branch, again.branch)
+
+
 def test_the_outlook_of_a_trunk_is_lower_than_its_failure_without_a_fix(detour: Any) -> None:
     """Flights that return to the path fail less, and a fix that tells nothing lets none return better."""
     grower, path, tree = detour

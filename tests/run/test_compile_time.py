@@ -12,15 +12,16 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+import plane_kernels
+from pareto_ltl import kernels
 from pareto_ltl.run.compile_costs import COSTS
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.settings import PRESETS
-from pareto_ltl.support.resources import PACKAGE
 from typed_kernels import code_cache, code_files
 from typed_kernels.compile_time import CompileTime, seconds_text
 from typed_kernels.watching import compilation_begins, compilation_ends
 
-KERNELS = PACKAGE / "kernels"
+KERNELS, PLANE_KERNELS = Path(kernels.__file__).parent, Path(plane_kernels.__file__).parent
 
 
 class Clock:
@@ -37,7 +38,8 @@ def test_every_kernel_with_a_cost_exists() -> None:
         assert len(costs) > 10
         for kernel in costs:
             module, name = kernel.split(".")
-            source = (KERNELS / f"{module}.py").read_text(encoding="utf-8")
+            sources = (folder / f"{module}.py" for folder in (KERNELS, PLANE_KERNELS))
+            (source,) = (file.read_text(encoding="utf-8") for file in sources if file.is_file())
             assert f"\ndef {name}(" in source, kernel
 
 
@@ -82,7 +84,7 @@ def test_a_time_is_no_more_exact_than_it_is_known() -> None:
 
 
 def test_the_bar_names_the_kernel_and_the_time_in_place_of_the_stage(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(code_cache, "has_code", lambda place, kernel: False)
+    monkeypatch.setattr(code_cache, "has_code", lambda kernel: False)
 
     def shown(bar: ProgressBar) -> str:
         console = Console(width=80)
@@ -90,7 +92,7 @@ def test_the_bar_names_the_kernel_and_the_time_in_place_of_the_stage(monkeypatch
             console.print(bar._bar.get_renderable())  # type: ignore[union-attr]  # noqa: SLF001
         return " ".join(capture.get().split())
 
-    with ProgressBar(shown=True) as bar, bar.stage("forest"):
+    with ProgressBar(shown=True) as bar, bar.stage("forest", "Searching for paths"):
         assert "Searching for paths" in shown(bar)
         compilation_begins("growth.grow")
         text = shown(bar)
@@ -110,14 +112,14 @@ def test_the_bar_names_the_kernel_and_the_time_in_place_of_the_stage(monkeypatch
 
 def test_whether_there_is_code_depends_on_the_source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(code_cache.config, "CACHE_DIR", str(tmp_path))
-    assert not code_cache.has_code(KERNELS, "growth.grow")
+    assert not code_cache.has_code("growth.grow")
     (folder,) = code_cache.code_folders(KERNELS)
     folder.mkdir()
     (folder / f"growth.grow-1-0123456789.abc{code_cache.SUFFIX}").touch()  # of another source
-    assert not code_cache.has_code(KERNELS, "growth.grow")
+    assert not code_cache.has_code("growth.grow")
     mark = code_cache._mark(KERNELS / "growth.py")  # noqa: SLF001
     (folder / f"growth.grow-1-{mark}.abc{code_cache.SUFFIX}").touch()
-    assert code_cache.has_code(KERNELS, "growth.grow")
+    assert code_cache.has_code("growth.grow")
 
 
 def test_ctrl_c_while_it_compiles_leaves_no_process_and_no_broken_code(tmp_path: Path) -> None:
@@ -140,5 +142,6 @@ def test_ctrl_c_while_it_compiles_leaves_no_process_and_no_broken_code(tmp_path:
     for file in files:
         assert not file.name.startswith("."), "a draft"
         kernel = file.read_bytes()[code_files.START :].split(b"\n", 1)[0].decode()
-        source = KERNELS / f"{file.name.partition('.')[0]}.py"
+        folder = PLANE_KERNELS if file.parent.name.startswith("plane_kernels_") else KERNELS
+        source = folder / f"{file.name.partition('.')[0]}.py"
         assert code_files.read_code(file, source, kernel) is not None

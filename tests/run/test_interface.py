@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import pareto_ltl
 from pareto_ltl.run.interface import VEHICLE
@@ -267,6 +268,42 @@ def test_records_draw_themselves(planned: Run, both: tuple[Path, Path], tmp_path
     assert shown & numbers
     for record in shown_records(planned)[1:]:
         assert record.plot(scene=planned.scene)._repr_png_().startswith(b"\x89PNG")
+
+
+def test_records_are_drawn_on_axes_of_the_reader(planned: Run) -> None:
+    for record in shown_records(planned):
+        ax = Figure().add_subplot()
+        assert record.plot(ax=ax) is ax
+        assert ax.has_data()
+    front = planned.front.plot(ax=Figure().add_subplot(), plan=planned.plan)
+    assert front.get_xlabel() == "path length [km]"
+    assert "chosen plan" in [text.get_text() for text in front.get_legend().get_texts()]
+
+
+def test_axes_keep_in_view_what_they_show(planned: Run) -> None:
+    ax = planned.scene.plot(ax=Figure().add_subplot())
+    (west, south), (east, north) = planned.scene.bounds
+    assert (*ax.get_xlim(), *ax.get_ylim()) == (west, east, south, north)
+    planned.plan.plot(ax=ax)
+    assert ax.get_xlim()[0] <= west < east <= ax.get_xlim()[1]
+    assert {text.get_text() for text in ax.texts} >= {"a", "b", "c"}
+    there = Figure().add_subplot()
+    there.set(xlim=(0.0, 1e4), ylim=(1e-5, 1.0), yscale="log")
+    there.plot([0.0, 1e4], [1e-5, 1.0])
+    planned.front.plot(ax=there)
+    assert there.get_ylim() == (1e-5, 1.0)
+    assert there.get_xlim() == (0.0, 1e4)
+
+
+def test_moments_need_a_figure_of_their_own(planned: Run) -> None:
+    flown, ax = pareto_ltl.simulate(planned, runs=50), Figure().add_subplot()
+    with pytest.raises(TypeError, match=r"^frames= makes several maps, which ax= cannot have"):
+        flown.plot(scene=planned.scene, frames=3, plan=planned.plan, ax=ax)
+
+
+def test_a_figure_of_cells_has_all_cells(planned: Run) -> None:
+    cells = planned.cells.plot().figure.axes[0].collections[0]
+    assert len(cells.get_paths()) == len(planned.cells.cells)
 
 
 def test_a_drawing_shows_what_it_is_asked_for(planned: Run) -> None:

@@ -96,8 +96,12 @@ def test_a_front_is_a_dataset_with_units_and_all_its_paths(planned: pareto_ltl.R
 
 
 def test_a_figure_names_the_options_that_it_has(planned: pareto_ltl.Run) -> None:
-    with pytest.raises(TypeError, match=r"figure of a Front has no option 'title', but scene, plan$"):
+    with pytest.raises(TypeError, match=r"figure of a Front has no option 'title', but scene, ax, plan$"):
         planned.front.plot(title="mine")
+    with pytest.raises(
+        TypeError, match=r"figure of a Run has no option 'title', but scene, ax, deployments$"
+    ):
+        planned.plot(title="mine")
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import pareto_ltl
 from pareto_ltl.run.plan_run import Run
@@ -104,6 +105,9 @@ def test_a_plan_in_memory_gives_the_same_plan(made: Path, anew: Path) -> None:
     result = pareto_ltl.plan("phi2", "F(a & F b)", fidelity=made.name, **SMALL)
     done = pareto_ltl.replan(result, 5 * 3600.0, fix_near(Run.open(made)))
     np.testing.assert_allclose(done.plan.path.x, Run.open(anew).plan.path.x, atol=1e-6)
+    ax = Figure().add_subplot()
+    assert done.plot(ax=ax) is ax
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["rest of the old plan"]
 
 
 @pytest.mark.parametrize(

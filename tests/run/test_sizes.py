@@ -12,8 +12,9 @@ from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.support import machine
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl_apps.studies.kinds import STUDIES as STUDY_KINDS
 
-STUDIES = [stage.stage for stage in known_stages() if stage.study]
+STUDIES = [kind.name for kind in STUDY_KINDS.values() if kind.many_missions]
 PLAN = ("forest", "front", "plan", "deployment")
 
 

@@ -11,9 +11,10 @@ import pytest
 import yaml
 from hydra.types import RunMode
 
+import pareto_ltl
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import PRESETS, PlannerConfig, Settings, preset
-from pareto_ltl.settings.building import build_settings, read_settings_file, section_of
+from pareto_ltl.settings.building import build_settings, python_arguments, read_settings_file, section_of
 from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import choices
@@ -28,6 +29,31 @@ def composed(*overrides: str) -> Settings:
     arguments = composition.parse_flags(overrides)
     with composition.opened_hydra(arguments) as hydra:
         return settings_from(composition.composed_config(hydra, arguments, RunMode.RUN))
+
+
+@pytest.mark.parametrize(
+    ("message", "arguments"),
+    [
+        ("planner.epsilon must be above 0, got 3", 'planner={"epsilon": ...}'),
+        ("unknown setting planner.treez; did you mean planner.trees?", 'planner={"trees": ...}'),
+        (
+            "raise robot.u_max, planner.epsilon or robot.dt=auto, since robot.u_max is 3 m/s",
+            'robot={"u_max": ..., "dt": ...}, planner={"epsilon": ...}',
+        ),
+        ("mission.formula: no region d; wind.nc and scene.json cannot be read", ""),
+    ],
+)
+def test_settings_of_a_message_are_spelled_as_arguments_in_python(message: str, arguments: str) -> None:
+    assert python_arguments(message) == arguments
+
+
+def test_an_error_of_plan_has_a_note_with_the_spelling_in_python() -> None:
+    with pytest.raises(ConfigError, match=r"^planner.trees must lie") as refused:
+        pareto_ltl.plan("phi1", "F a", planner={"trees": 0})
+    assert refused.value.__notes__ == ['in Python: pareto_ltl.plan(..., planner={"trees": ...})']
+    with pytest.raises(pareto_ltl.FormulaError) as unread:
+        pareto_ltl.plan("phi1", "F (")
+    assert unread.value.__notes__ == ["F (\n   ^"]  # where it is wrong, and no setting
 
 
 def test_nothing_said_is_the_default() -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl.settings import ExportsConfig, RobotConfig, SceneConfig, Settings, WindConfig
+from pareto_ltl.settings import RobotConfig, SceneConfig, Settings, WindConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.settings.heights import (
     FlownAir,
@@ -23,6 +23,7 @@ from pareto_ltl.settings.heights import (
 )
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.levels import parse_level
+from pareto_ltl_apps.exports.settings import ExportsConfig
 
 
 def settings_of(

@@ -14,11 +14,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
-from pareto_ltl import settings as package
-from pareto_ltl.settings import PRESETS, FidelityConfig, SelectionConfig, Settings, preset
+from pareto_ltl.settings import (
+    PRESETS,
+    FidelityConfig,
+    RandomSceneConfig,
+    RobotConfig,
+    SceneConfig,
+    SelectionConfig,
+    Settings,
+    SmoothingConfig,
+    WindConfig,
+    preset,
+)
 from pareto_ltl.settings.checks import CheckedSettings, Declaration, check_value, declarations, interval_ends
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choices, resource_folder
+from pareto_ltl_apps.formats.settings import IngestConfig
+from pareto_ltl_apps.studies.settings import HindcastConfig
 
 
 def sections(section: CheckedSettings) -> Iterator[CheckedSettings]:
@@ -142,29 +154,29 @@ def test_weights_that_weigh_nothing_are_refused(weights: list[float]) -> None:
 @pytest.mark.parametrize(
     ("section", "changes", "line"),
     [
-        ("RandomSceneConfig", {"regions": 27}, "scene.random.regions must lie in [0, 26]"),
-        ("RandomSceneConfig", {"radius": [0.2, 0.1]}, "scene.random.radius must be [smallest, largest]"),
-        ("RandomSceneConfig", {"radius": [math.nan, 0.1]}, "scene.random.radius must lie between 0 and 0.5"),
-        ("SceneConfig", {"centre": [95.0, 0.0]}, "scene.centre must be [latitude, longitude]"),
-        ("RobotConfig", {"a": [[1.0, math.nan], [0, 1]]}, "robot.a must be a 2 x 2 matrix"),
-        ("RobotConfig", {"b": [[1, 2], [2, 4]]}, "robot.b must be invertible"),
+        (RandomSceneConfig, {"regions": 27}, "scene.random.regions must lie in [0, 26]"),
+        (RandomSceneConfig, {"radius": [0.2, 0.1]}, "scene.random.radius must be [smallest, largest]"),
+        (RandomSceneConfig, {"radius": [math.nan, 0.1]}, "scene.random.radius must lie between 0 and 0.5"),
+        (SceneConfig, {"centre": [95.0, 0.0]}, "scene.centre must be [latitude, longitude]"),
+        (RobotConfig, {"a": [[1.0, math.nan], [0, 1]]}, "robot.a must be a 2 x 2 matrix"),
+        (RobotConfig, {"b": [[1, 2], [2, 4]]}, "robot.b must be invertible"),
         (
-            "RobotConfig",
+            RobotConfig,
             {"u_min": 31.0},
             "robot.u_min = 31 m/s is above robot.u_max = 30 m/s: lower the first",
         ),
-        ("RobotConfig", {"u_min": -1.0}, "robot.u_min must lie in [0, 10000]"),
-        ("WindConfig", {"source": "csv"}, "wind.path is missing: wind.source=csv"),
-        ("SmoothingConfig", {"weights": []}, "smoothing.weights is empty"),
-        ("IngestConfig", {"area": [[1.0]]}, "ingest.area must be a list of [longitude, latitude]"),
-        ("HindcastConfig", {"side": [1.0, math.inf]}, "hindcast.side must lie in [0, 1e7] [m]"),
-        ("HindcastConfig", {"side": [0.0, 1.0]}, "hindcast.side must be positive [m]"),
-        ("HindcastConfig", {"obstacles": [3]}, "hindcast.obstacles must be [least, most]"),
+        (RobotConfig, {"u_min": -1.0}, "robot.u_min must lie in [0, 10000]"),
+        (WindConfig, {"source": "csv"}, "wind.path is missing: wind.source=csv"),
+        (SmoothingConfig, {"weights": []}, "smoothing.weights is empty"),
+        (IngestConfig, {"area": [[1.0]]}, "ingest.area must be a list of [longitude, latitude]"),
+        (HindcastConfig, {"side": [1.0, math.inf]}, "hindcast.side must lie in [0, 1e7] [m]"),
+        (HindcastConfig, {"side": [0.0, 1.0]}, "hindcast.side must be positive [m]"),
+        (HindcastConfig, {"obstacles": [3]}, "hindcast.obstacles must be [least, most]"),
     ],
 )
-def test_values_that_do_not_fit_together_are_refused(section: str, changes: Any, line: str) -> None:
+def test_values_that_do_not_fit_together_are_refused(section: Any, changes: Any, line: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        getattr(package, section)(**changes)
+        section(**changes)
     assert str(caught.value).startswith(line)
 
 

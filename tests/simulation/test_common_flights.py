@@ -63,6 +63,13 @@ def test_the_first_of_many_flights_are_those_of_few_flights_with_their_fixes():
     assert (few.noise != 0.0).any()
 
 
+def test_flights_of_one_seed_are_the_same_whatever_was_drawn_from_it_before():
+    problem, seed = landmark_problem(), SeedSequence(1)
+    flight = propagate(problem, LANDMARK_WAY)
+    once, again = (draw_flights(problem, "coherent", BLOCK, seed).deviations(flight) for _ in range(2))
+    np.testing.assert_array_equal(once, again)
+
+
 def test_airspeed_limits_hold_in_linear_winds():
     """A correction beyond the largest airspeed is limited, as in the winds themselves."""
     robot = RobotConfig(dt=100.0, u_max=6.0, feedback_time=900.0)

@@ -16,7 +16,7 @@ from coherent import LOOSE, STEPS, coherent_problem, rate_interval
 from landmarks import LANDMARK_WAY, landmark_problem
 from oracle import importance as plain
 from pareto_ltl.extend import draw_flights, simulate_flights
-from pareto_ltl.kernels.data import EXACT, Cov, Gaussian, Point, RobotErrors
+from pareto_ltl.kernels.data import EXACT, RobotErrors
 from pareto_ltl.kernels.fixes import fix_error, likely_sight
 from pareto_ltl.kernels.flight import CoherentDraws
 from pareto_ltl.kernels.pilots import Autopilot
@@ -36,6 +36,7 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choice_file
 from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl_verify.robot import Errors
+from plane_kernels.types import Cov, Gaussian, Point
 from problems import KM, along, box, make_problem, make_scene, steady_wind
 
 SD = {"airspeed_sd": 0.04, "heading_sd": 3.0, "clock_sd": 40.0}

@@ -10,7 +10,6 @@ import pytest
 from numpy.random import SeedSequence
 
 from coherent import STEPS, coherent_problem
-from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.pilots import RejoiningPilot, command
 from pareto_ltl.planning.branching.belief import Course, learnt_in_cell, noise_of, prior_at
 from pareto_ltl.planning.branching.cells import Cell, Moments
@@ -21,6 +20,7 @@ from pareto_ltl.run.branching.rest_problem import Countered
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.tree_flights import TreeFlights, fly_rests
 from pareto_ltl.support.arrays import square_matrices
+from plane_kernels.types import Point
 
 RUNS, STEP = 40_000, 15
 ROBOT = RobotConfig(dt=100.0, u_max=20.0, start_sd=50.0, heading_sd=2.0, airspeed_sd=0.02, clock_sd=1.0)

@@ -17,12 +17,13 @@ import dask
 import pytest
 from distributed import Client, LocalCluster
 
-from pareto_ltl.settings import EvaluationConfig, Settings
+from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.studies import cluster, parts
 from pareto_ltl_apps.studies.cluster import connected
 from pareto_ltl_apps.studies.parts import Part
+from pareto_ltl_apps.studies.settings import EvaluationConfig
 from patience import PATIENCE
 from quick_wind import wind_words
 from small_study import files

@@ -14,7 +14,7 @@ import pytest
 
 from pareto_ltl.run.choosing import choose
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.settings import DepartureConfig, Settings
+from pareto_ltl.settings import Settings
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.schemas import read_document
@@ -34,6 +34,7 @@ from pareto_ltl_apps.studies.departure_table import (
     recommendation_text,
     start_rows,
 )
+from pareto_ltl_apps.studies.settings import DepartureConfig
 from pareto_ltl_verify.judge import verify
 from quick_wind import wind_words
 

@@ -13,7 +13,7 @@ import shapely
 
 import small_study
 from noaa import NOAA, needs_noaa
-from pareto_ltl.settings import HindcastConfig, WindConfig
+from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.times import iso
 from pareto_ltl.wind.observations import project_readings
@@ -24,6 +24,7 @@ from pareto_ltl.world.scene import Scene
 from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl_apps.studies import forecast_test
 from pareto_ltl_apps.studies import random_missions as missions
+from pareto_ltl_apps.studies.settings import HindcastConfig
 
 START = 1.5e9
 LON, LAT = (a.ravel() for a in np.meshgrid(np.arange(0.0, 360.0), np.arange(90.0, -91.0, -1.0)))

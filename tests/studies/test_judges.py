@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from forecast_winds import settings
-from pareto_ltl.settings import ForecastTestConfig, Settings
+from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.times import HOUR, seconds
 from pareto_ltl.wind.area import GeoBox
@@ -21,6 +21,7 @@ from pareto_ltl_apps.studies import forecast_test as study
 from pareto_ltl_apps.studies import strata
 from pareto_ltl_apps.studies.point_winds import LAW_FILE, PointWinds
 from pareto_ltl_apps.studies.random_missions import situation_of
+from pareto_ltl_apps.studies.settings import ForecastTestConfig
 from pareto_ltl_apps.wind_errors.full_winds import full_winds
 
 START_HOUR = 420_000.0  # [h since 1970]

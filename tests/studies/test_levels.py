@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pareto_ltl.settings import LevelsConfig, PowerConfig, RobotConfig, Settings
+from pareto_ltl.settings import PowerConfig, RobotConfig, Settings
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.reading import read_json
 from pareto_ltl_apps.cli.commands import run_command_line
@@ -25,6 +25,7 @@ from pareto_ltl_apps.studies.levels import (
     median_ratio,
     recommendation,
 )
+from pareto_ltl_apps.studies.settings import LevelsConfig
 from quick_wind import wind_words
 
 GOOD, WORSE = {1000.0: 200, 1500.0: 60}, {1000.0: 800, 1500.0: 300}

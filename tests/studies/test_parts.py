@@ -11,11 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl.settings import EvaluationConfig, PlannerConfig, ReportConfig, Settings, WindConfig
+from pareto_ltl.settings import PlannerConfig, Settings, WindConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import remove_dead_drafts
 from pareto_ltl_apps.studies import parts
 from pareto_ltl_apps.studies.parts import Part
+from pareto_ltl_apps.studies.settings import EvaluationConfig
+from pareto_ltl_apps.view.settings import ReportConfig
 from small_study import files
 
 ONE = EvaluationConfig(jobs=1)

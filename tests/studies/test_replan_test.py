@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from forecast_winds import calm, context_of, settings, snapshots
-from pareto_ltl.settings import ReplanningConfig, preset
+from pareto_ltl.settings import preset
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.times import HOUR, seconds
 from pareto_ltl_apps.studies import replanning as study
 from pareto_ltl_apps.studies.forecast_test import mission_settings
 from pareto_ltl_apps.studies.random_missions import mission
+from pareto_ltl_apps.studies.settings import ReplanningConfig
 
 WAYS = ("as planned", "position always known", "1 fix", "a forecast every 2 h", "1 fix, a forecast every 2 h")
 

@@ -17,13 +17,14 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.results import planned_run
-from pareto_ltl.settings import Settings, SitlConfig
+from pareto_ltl.settings import Settings
 from pareto_ltl.simulation.flights import draw_block, fly_block, pilot_maker
 from pareto_ltl.support.atmosphere import standard_air, true_airspeed
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.studies import sitl
 from pareto_ltl_apps.studies.aircraft import Orders, fly_orders, read_orders
+from pareto_ltl_apps.studies.settings import SitlConfig
 from quick_wind import wind_words
 
 FLIGHTS = 2

@@ -14,20 +14,19 @@ import small_study
 from pareto_ltl.extend import Forecast, Pipeline, Study
 from pareto_ltl.planning import growth
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.settings import (
-    PRESETS,
-    AblationConfig,
-    CompareConfig,
-    ConvergenceConfig,
-    EvaluationConfig,
-    Settings,
-    preset,
-)
-from pareto_ltl.settings.studies import METHODS, MODEL_FACTORS
+from pareto_ltl.settings import PRESETS, Settings, preset
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.seeds import stage_seeds
 from pareto_ltl_apps.studies import compare, convergence, planning, tables
 from pareto_ltl_apps.studies.planning import fly_seeded, still, unsmoothed
+from pareto_ltl_apps.studies.settings import (
+    METHODS,
+    MODEL_FACTORS,
+    AblationConfig,
+    CompareConfig,
+    ConvergenceConfig,
+    EvaluationConfig,
+)
 from pareto_ltl_apps.view.study_planners import FACTOR_LABELS
 
 DEFAULT_MODELS = (("mission_bound", "ordered"), ("collision_bound", "path"), ("refine", "none"))

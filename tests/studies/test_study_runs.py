@@ -176,7 +176,7 @@ def test_a_study_leaves_tables_figures_and_metrics(here: Path, capsys: pytest.Ca
 
 
 def test_an_error_of_settings_has_its_own_kind() -> None:
-    from pareto_ltl.settings import EvaluationConfig
+    from pareto_ltl_apps.studies.settings import EvaluationConfig
 
     with pytest.raises(ConfigError):
         EvaluationConfig(seeds=[])

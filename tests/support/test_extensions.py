@@ -87,6 +87,43 @@ def test_the_example_package_plans_from_the_command_line_and_from_python(
     assert briefing.startswith("F a & F b | F a & F c | F b & F c\nregions: a, b, c\n")
 
 
+def test_a_section_of_another_package_has_checks_help_and_files(
+    installed: dict[str, str], tmp_path: Path
+) -> None:
+    def call(*words: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, *words]
+        return subprocess.run(
+            command, cwd=tmp_path, env=installed, capture_output=True, text=True, check=False
+        )
+
+    words = ("-m", "pareto_ltl", *ARGUMENTS, "hydra.run.dir=one")
+    done = call(*words, "briefing.minutes=soon")
+    assert (done.returncode, done.stderr) == (
+        2,
+        "pareto-ltl: briefing.minutes must be true or false, got 'soon'\n",
+    )
+    done = call(*words, "briefing.minute=true")
+    assert done.stderr == "pareto-ltl: unknown setting briefing.minute; did you mean briefing.minutes?\n"
+    assert "briefing.minutes=false" in call("-m", "pareto_ltl", "--help=all").stdout
+    done = call(*words, "briefing.minutes=true")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "one" / "briefing.txt").read_text().endswith(" min\n")
+    script = (
+        "{}\n{}\n"
+        "settings = Settings.of_file(Path('one/config_resolved.yaml'))\n"
+        "assert settings[BriefingConfig].minutes and settings.briefing.minutes\n"
+        "settings = settings.with_sections(BriefingConfig(minutes=False))\n"
+        "assert not settings[BriefingConfig].minutes\n"
+    )
+    imports = (
+        "from pathlib import Path; from harbour_extension import BriefingConfig",
+        "from pareto_ltl import Settings",
+    )
+    for order in (imports, imports[::-1]):  # each may be imported first
+        done = call("-c", script.format(*order))
+        assert done.returncode == 0, done.stderr
+
+
 def test_a_rule_of_another_package_reads_its_options(installed: dict[str, str], tmp_path: Path) -> None:
     """A run, ``choose`` and ``verify`` with a rule that has an option, and the option in plan.json."""
 
@@ -171,6 +208,19 @@ def test_the_example_package_does_not_slow_the_start(installed: dict[str, str], 
     assert done.stdout == "[]\n", done.stderr
 
 
+def test_the_module_of_a_section_may_import_every_name_of_the_planner_but_settings() -> None:
+    code = (
+        "import sys\n"
+        "sys.modules['pareto_ltl.settings.all_sections'] = None\n"
+        "import pareto_ltl, pareto_ltl.extend\n"
+        "from pareto_ltl.support.stated_names import stated_names\n"
+        "for module in (pareto_ltl, pareto_ltl.extend):\n"
+        "    for name, place in stated_names(module.__file__).items():\n"
+        "        if name != 'Settings' and place.startswith('pareto_ltl.'): getattr(module, name)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 # --- entry points that are wrong -----------------------------------------------------------------
 
 
@@ -238,6 +288,38 @@ def test_an_entry_point_that_does_not_work_is_one_line(
 def listing(name: str) -> Settings:
     """Settings of a pipeline of one stage."""
     return Settings(pipelines=PipelineConfig(stages=[name]))
+
+
+@pytest.mark.parametrize(
+    ("code", "reason"),
+    [
+        ("SECTIONS = [1]", "is a list, which this group does not take"),
+        ("SECTIONS = (1,)", "is a tuple, which this group does not take"),
+        ("raise OSError('gone')", "cannot be loaded (OSError: gone)"),
+        (
+            "class A(CheckedSettings, section='scene'): pass\nSECTIONS = (A,)",
+            "'scene' of mine: the name is taken",
+        ),
+        ("class A(CheckedSettings, section='of'): pass\nSECTIONS = (A,)", "'of' of mine: the name is taken"),
+    ],
+)
+def test_settings_of_another_package_that_do_not_work_are_one_line(
+    code: str, reason: str, tmp_path: Path
+) -> None:
+    (tmp_path / "mine.py").write_text(f"from pareto_ltl.extend import CheckedSettings\n{code}\n")
+    info = tmp_path / "mine-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1\n")
+    (info / "entry_points.txt").write_text("[pareto_ltl.settings]\nmine = mine:SECTIONS\n")
+    paths = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    for word in ("--help", "+experiment=phi1"):
+        done = subprocess.run(
+            [sys.executable, "-m", "pareto_ltl", word],
+            cwd=tmp_path, env=untraced(PYTHONPATH=paths), capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 2, done.stderr
+        assert reason in done.stderr
+        assert done.stderr.count("\n") == 1
 
 
 def test_two_packages_with_one_name_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,11 +21,11 @@ from pareto_ltl.world.projection import local_plane
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_files import write_scene
 from pareto_ltl_verify.claims import Verdict, readings
-from pareto_ltl_verify.claims.settings import FROM_PATH
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.judge import unchecked_claims
+from pareto_ltl_verify.sources import SOURCES
 from pareto_ltl_verify.wind_fit import Fit
-from pareto_ltl_verify.wind_tables import SOURCES, WindFile
+from pareto_ltl_verify.wind_tables import WindFile
 from wind_files import GRIB, NETCDF, REPORTS, TABLES, ensemble
 
 KINDS = TABLES | {"metars": REPORTS["metars"]} | NETCDF | GRIB
@@ -172,4 +172,6 @@ def test_a_wind_that_was_given_in_python_is_not_read_again(tmp_path: Path) -> No
 def test_the_checker_knows_every_source_of_the_planner() -> None:
     sources = wind_sources()
     assert SOURCES.keys() == sources.keys()
-    assert {*FROM_PATH} == {name for name, source in sources.items() if source.reads_path}
+    for name, row in SOURCES.items():
+        planner = sources[name]
+        assert (row.reads_path, row.live, row.current) == (planner.reads_path, planner.live, planner.current)

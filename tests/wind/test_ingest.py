@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.settings.outputs import IngestConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.readings import Readings, shared_nodes
 from pareto_ltl.wind.snapshots import Snapshot, readings_of
+from pareto_ltl_apps.formats.settings import IngestConfig
 from pareto_ltl_apps.formats.wind_table import write_wind_table
 
 BEGIN, HOUR = seconds("2018-10-09T06:00:00Z"), 3600.0

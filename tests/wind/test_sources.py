@@ -16,7 +16,7 @@ import yaml
 from noaa import NOAA, ROOT, needs_noaa
 from pareto_ltl import Readings
 from pareto_ltl.extend import Frame
-from pareto_ltl.settings import IngestConfig, WindConfig
+from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import SAMPLE_WINDS
 from pareto_ltl.wind import sources
@@ -27,6 +27,7 @@ from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from pareto_ltl_apps.formats import tables
 from pareto_ltl_apps.formats.grib_files import grib_snapshots, grib_snapshots_apart
+from pareto_ltl_apps.formats.settings import IngestConfig
 from pareto_ltl_apps.formats.snapshots import latest_readings
 from pareto_ltl_apps.formats.wind_table import write_wind_table
 

@@ -1,4 +1,4 @@
-"""An example of every extension: stage, wind, mission pattern, rule, cost, export, choices in ``conf/``.
+"""An example of every extension: stage, settings, wind, pattern, rule, cost, export, choices in ``conf/``.
 
 ``pyproject.toml`` names them as entry points. Large packages are imported inside the functions, so that the
 program can report a wrong setting before it imports them.
@@ -6,20 +6,32 @@ program can report a wrong setting before it imports them.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
 from pareto_ltl import ConfigError, ExportFormat, InfeasibleError, Run
-from pareto_ltl.extend import MissionConfig, SelectionConfig, WindConfig, record
+from pareto_ltl.extend import CheckedSettings, MissionConfig, SelectionConfig, WindConfig, record, setting
+
+
+@dataclass
+class BriefingConfig(CheckedSettings, section="briefing"):
+    """The text for the crew."""
+
+    minutes: bool = setting(False, "whether the flight time is in minutes, not in hours")
+
+
+SECTIONS = (BriefingConfig,)
 
 
 @record()
 def briefing(run: Run) -> Path:
     """A text file with the formula, the regions and the flight time."""
     hours = len(run.plan.path.u) * run.settings.robot.dt / 3600
+    time = f"{60 * hours:.0f} min" if run.settings[BriefingConfig].minutes else f"{hours:.1f} h"
     path = run.place / "briefing.txt"
     regions = ", ".join(run.scene.regions)
-    path.write_text(f"{run.plan.formula}\nregions: {regions}\nflight time: {hours:.1f} h\n")
+    path.write_text(f"{run.plan.formula}\nregions: {regions}\nflight time: {time}\n")
     return path
 
 

@@ -17,13 +17,17 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hydra._internal.config_loader_impl import ConfigLoaderImpl
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.config_loader import ConfigLoader
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import Override, OverrideType
+from hydra.core.plugins import Plugins
 from hydra.core.utils import JobReturn, JobStatus
+from hydra.plugins.sweeper import Sweeper
 from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf.errors import OmegaConfBaseException
+
+from pareto_ltl_apps.studies.settings import SweepConfig
 
 if TYPE_CHECKING:
     from pareto_ltl_apps.studies.sweep_summary import SweepSummary
@@ -33,13 +37,22 @@ SWEEP_LOCK = ".sweep.lock"
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
-class PointsSweeper(BasicSweeper):
-    """Runs the points of a grid that have no answer yet."""
+class PointsSweeper(Sweeper):
+    """Runs the points of a grid that have no answer yet.
+
+    ``max_batch_size`` jobs are given to the launcher at once, None: all; ``params`` is a grid in the
+    configuration, key to values.
+    """
+
+    def __init__(self, max_batch_size: int | None, params: Mapping[str, str] | None) -> None:
+        self.max_batch_size, self.params = max_batch_size, params or {}
 
     def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
-        """Keep the task function, which Hydra hands over before the sweep."""
-        super().setup(hydra_context=hydra_context, task_function=task_function, config=config)
-        self.task_function = task_function
+        """Keep what Hydra hands over before the sweep."""
+        self.loader, self.config, self.task_function = hydra_context.config_loader, config, task_function
+        self.launcher = Plugins.instance().instantiate_launcher(
+            hydra_context=hydra_context, task_function=task_function, config=config
+        )
 
     def sweep(self, arguments: list[str]) -> Any:
         """Check all points, run those without a result, write the summary."""
@@ -70,7 +83,7 @@ class PointsSweeper(BasicSweeper):
         swept = {key for key, values in overrides.items() if len(values) > 1}
         words: dict[str, list[str]] = {}
         points: list[SweepPoint] = []
-        compose = point_composer(self._loader(), self.config)
+        compose = point_composer(self.loader, self.config)
         for line in map(list, product(*overrides.values())):
             settings = settings_from(compose(line))
             check_settings(settings)
@@ -78,11 +91,11 @@ class PointsSweeper(BasicSweeper):
             if job not in words:  # two ways to write the same settings are one job
                 words[job] = [*line, f"hydra.sweep.subdir='{job}'"]
                 points.append(SweepPoint(job, _swept_values(line, swept)))
-        figure = FigureChoice(settings.sweep.x, settings.sweep.y, settings.sweep.by)
+        figure = FigureChoice(settings[SweepConfig].x, settings[SweepConfig].y, settings[SweepConfig].by)
         names = tuple(_plain_key(key) for key in overrides if key in swept)
         fixed = tuple(values[0] for key, values in overrides.items() if key not in swept)
         check_figure(figure, names)
-        return SweepManifest(tuple(points), names, fixed, figure), words, settings.sweep.resume
+        return SweepManifest(tuple(points), names, fixed, figure), words, settings[SweepConfig].resume
 
     def _run_points(
         self, place: Path, manifest: SweepManifest, words: Mapping[str, list[str]], *, resume: bool
@@ -112,18 +125,14 @@ class PointsSweeper(BasicSweeper):
 
     def _overrides(self, arguments: Sequence[str]) -> dict[str, list[str]]:
         """Every key with its values, as words for a command line; what comes later wins."""
-        parser = OverridesParser.create(config_loader=self._loader())
+        parser = OverridesParser.create(config_loader=self.loader)
+        grid = [f"{key}={values}" for key, values in self.params.items()]
         table: dict[str, list[str]] = {}
-        for override in parser.parse_overrides([*self._parse_config(), *arguments]):
-            (batch,) = self.split_arguments([override], None)
-            table[override.get_key_element()] = [line[0] for line in batch]
+        for override in parser.parse_overrides([*grid, *arguments]):
+            key, swept = override.get_key_element(), override.is_sweep_override()
+            values = override.sweep_string_iterator() if swept else [override.get_value_element_as_str()]
+            table[key] = [f"{key}={value}" for value in values]
         return table
-
-    def _loader(self) -> ConfigLoaderImpl:
-        assert self.hydra_context is not None
-        loader = self.hydra_context.config_loader
-        assert isinstance(loader, ConfigLoaderImpl)
-        return loader
 
     def _batch_size(self) -> int | None:
         """Jobs for a launcher at once: submitit's local engine would start all that it gets."""
@@ -196,7 +205,7 @@ class AwaitedJob:
         return found
 
 
-def point_composer(loader: ConfigLoaderImpl, master: DictConfig) -> Callable[[Sequence[str]], DictConfig]:
+def point_composer(loader: ConfigLoader, master: DictConfig) -> Callable[[Sequence[str]], DictConfig]:
     """A function that composes a point of a grid; what takes Hydra milliseconds is done once each."""
     parser = OverridesParser.create(config_loader=loader)
 
@@ -209,19 +218,26 @@ def point_composer(loader: ConfigLoaderImpl, master: DictConfig) -> Callable[[Se
     def is_group(key: str) -> bool:  # Hydra copies all that it has cached for each question: 3 ms
         return bool(loader.get_group_options(key))
 
+    def changes_value(override: Override) -> bool:
+        changes = override.type is OverrideType.CHANGE and override.package is None
+        return changes and not is_group(override.key_or_group)
+
     @cache
-    def composed(groups: tuple[str, ...]) -> DictConfig:
-        config = loader.load_sweep_config(master, list(groups))
+    def composed(words: tuple[str, ...]) -> DictConfig:
+        config = loader.load_sweep_config(master, list(words))
         with open_dict(config):
             del config["hydra"]
         return config
 
     def compose(line: Sequence[str]) -> DictConfig:
-        """The configuration of one point; choices of groups are composed once, values set in a copy."""
-        groups = tuple(word for word in line if is_group(parsed(word).key_or_group))
-        values = [parsed(word) for word in line if word not in groups]
-        config = copy.deepcopy(composed(groups))
-        ConfigLoaderImpl._apply_overrides_to_config(values, config)  # noqa: SLF001 - Hydra has no other way
+        """The configuration of one point: values are set in a copy of what the other words give."""
+        values = {word: parsed(word) for word in line if changes_value(parsed(word))}
+        config = copy.deepcopy(composed(tuple(word for word in line if word not in values)))
+        try:
+            for override in values.values():
+                OmegaConf.update(config, override.key_or_group, override.value(), merge=True)
+        except OmegaConfBaseException:
+            return composed(tuple(line))  # Hydra says what is wrong
         return config
 
     return compose

@@ -1,4 +1,4 @@
-"""Compiled kernels on named tuples of arrays (``data``).
+"""Compiled kernels on named tuples of arrays (``data``); :mod:`plane_kernels` has plain geometry.
 
 Kernels do not check their arguments: the calling packages check shapes and ranges, allocate the arrays and
 pack the results. :mod:`typed_kernels` compiles them, keeps their machine code, and lets the type of a model
@@ -6,6 +6,10 @@ select its code.
 With ``NUMBA_DISABLE_JIT=1`` all of them run as plain Python.
 """
 
-from pareto_ltl.support.machine import check_kernel_threads
+from pathlib import Path
 
+from pareto_ltl.support.machine import check_kernel_threads
+from typed_kernels import packages
+
+packages.PACKAGES[__name__], packages.PROGRAM = Path(__file__).parent, "pareto-ltl"
 check_kernel_threads()  # before numba, which raises a ValueError

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple, TypeAlias
 
-from pareto_ltl.kernels.data import Cells, Corners, Faces, Law, Logic, Nearby
+from pareto_ltl.kernels.data import Law, Logic
 from pareto_ltl.support.arrays import BoolArray, FloatArray, Int32Array, IntArray
+from plane_kernels.types import Cells, Corners, Faces, Nearby
 
 # --- mission bounds ---------------------------------------------------------------------------
 

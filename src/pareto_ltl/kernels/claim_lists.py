@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pareto_ltl.kernels.clearance import CERTAIN, beyond_reach, segment_clearance
-from pareto_ltl.kernels.data import Point
-from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.letters import epoch_at, meet_hazards, rests
 from pareto_ltl.kernels.margin_events import (
     NOWHERE,
     Guards,
     MarginModel,
+    Near,
     Scratch,
     hazard_number,
     letter_number,
     mission_margins,
     part_margin,
 )  # fmt: skip
-from pareto_ltl.kernels.near import Near
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.clearance import CERTAIN, beyond_reach, segment_clearance
+from plane_kernels.geometry import locate_cell
+from plane_kernels.types import Point
 from typed_kernels.jit import implements, inlined, kernel
 
 

@@ -10,20 +10,21 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from pareto_ltl.kernels.claim_lists import Claims, cross_hazards
-from pareto_ltl.kernels.clearance import CERTAIN, segment_clearance
-from pareto_ltl.kernels.data import Point
-from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.letters import epoch_at
 from pareto_ltl.kernels.margin_events import (
     NOWHERE,
     MarginModel,
+    Near,
     Scratch,
     hazard_number,
     letter_number,
     mission_margins,
 )  # fmt: skip
-from pareto_ltl.kernels.near import Near, least_gaps, place_end, segment_box
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.boxes import least_gaps, place_end, segment_box
+from plane_kernels.clearance import CERTAIN, segment_clearance
+from plane_kernels.geometry import locate_cell
+from plane_kernels.types import Point
 from typed_kernels.jit import implements, kernel
 
 BLOCK = 256  # flights at a time: their rows fit into the L1 cache

@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 from pareto_ltl.kernels.bounds import CollisionBound, PathBound, StepBound
-from pareto_ltl.kernels.data import Cov, Faces, Gaussian, Nearby
-from pareto_ltl.kernels.gaussian import tail, variance_along
-from pareto_ltl.kernels.geometry import look_around
+from plane_kernels.gaussian import tail, variance_along
+from plane_kernels.geometry import look_around
+from plane_kernels.types import Cov, Faces, Gaussian, Nearby
 from typed_kernels.jit import by_type, implements, inlined, kernel
 
 FAR_DEVIATIONS = 5.0  # obstacles more standard deviations away, of a probability below 3e-7, are skipped

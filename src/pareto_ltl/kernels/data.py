@@ -1,4 +1,4 @@
-"""Input of kernels as named tuples, so that loops read ``wind.mean`` and ``here.cov``, not ``arr[3]``.
+"""Input of kernels as named tuples, so that loops read ``wind.mean``, not ``arr[3]``.
 
 Models (a wind law here, a mission bound and a collision bound in :mod:`pareto_ltl.kernels.bounds`) are named
 tuples too, and their types select the code (``typed_kernels.jit.by_type``). Memory that a model does not need
@@ -11,7 +11,8 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
+from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from plane_kernels.types import Corners, Cov, Faces, Point
 
 
 class RobotErrors(NamedTuple):
@@ -28,119 +29,6 @@ class RobotErrors(NamedTuple):
 
 
 EXACT = RobotErrors(np.zeros(0), np.zeros((0, 0)), np.zeros((2, 0)))  # a robot without errors
-
-# --- geometry ---------------------------------------------------------------------------------
-
-
-class Point(NamedTuple):
-    """A point in the plane: x east, y north [m]."""
-
-    x: float
-    y: float
-
-
-class Cov(NamedTuple):
-    """A symmetric 2 x 2 matrix, mostly the covariance of a position [m²]."""
-
-    xx: float
-    xy: float
-    yy: float
-
-
-class Gaussian(NamedTuple):
-    """A position: mean [m] and covariance [m²]."""
-
-    mean: Point
-    cov: Cov
-
-
-class Linear(NamedTuple):
-    """A 2 x 2 matrix, row by row."""
-
-    xx: float
-    xy: float
-    yx: float
-    yy: float
-
-
-class Square(NamedTuple):
-    """The square (i, j) of a lattice that contains a point, and the fractions (fx, fy) within it."""
-
-    i: int
-    j: int
-    fx: float
-    fy: float
-
-
-class Ahead(NamedTuple):
-    """One step ahead: mean with zero airspeed [m], covariance [m²], airspeed left for the control [m/s]."""
-
-    mean: Point
-    cov: Cov
-    speed: float
-
-
-# --- the map ----------------------------------------------------------------------------------
-
-
-class Faces(NamedTuple):
-    """Convex polygons as half planes ``normal' x <= offset``; a polygon with one face is a half plane.
-
-    Polygon j has the rows ``ptr[j]`` to ``ptr[j + 1]``; ``normal`` (F, 2) has unit length and points
-    outwards, ``offset`` (F,) is in [m].
-    """
-
-    ptr: IntArray
-    normal: FloatArray
-    offset: FloatArray
-
-
-class Nearby(NamedTuple):
-    """The polygons of :class:`Faces` by their distance from each square of a grid over the map.
-
-    Row i * rows + j belongs to square (i, j) of side ``side`` [m]. ``order`` (B, m) lists the m polygons by
-    their ``gap`` (B, m), ascending: the largest signed distance of the square's centre from a face of the
-    polygon [m], rounded down. ``owner`` (F,) is the polygon of each face.
-    """
-
-    west: float
-    south: float
-    side: float
-    columns: int
-    rows: int
-    order: Int32Array
-    gap: Float32Array
-    owner: Int32Array
-
-
-class Corners(NamedTuple):
-    """Polygons as corners ``corner[ptr[k]:ptr[k + 1]]`` [m], counter-clockwise.
-
-    Polygon k lies within ``radius[k]`` [m] of ``middle[k]`` (L, 2); ``cell[k]`` is the number of its cell.
-    """
-
-    cell: IntArray
-    middle: FloatArray
-    radius: FloatArray
-    ptr: IntArray
-    corner: FloatArray
-
-
-class Cells(NamedTuple):
-    """Convex cells, and a grid of ``buckets`` x ``buckets`` over the bounds of the map to find them.
-
-    The candidate cells of bucket k are ``candidates[ptr[k]:ptr[k + 1]]``; ~c is cell c, if it comes first and
-    contains the whole bucket.
-    """
-
-    west: float
-    south: float
-    east: float
-    north: float
-    buckets: int
-    ptr: IntArray
-    candidates: IntArray
-    faces: Faces
 
 
 class Logic(NamedTuple):
@@ -174,6 +62,23 @@ class Logic(NamedTuple):
 
 
 # --- wind and motion --------------------------------------------------------------------------
+
+
+class Square(NamedTuple):
+    """The square (i, j) of a lattice that contains a point, and the fractions (fx, fy) within it."""
+
+    i: int
+    j: int
+    fx: float
+    fy: float
+
+
+class Ahead(NamedTuple):
+    """One step ahead: mean with zero airspeed [m], covariance [m²], airspeed left for the control [m/s]."""
+
+    mean: Point
+    cov: Cov
+    speed: float
 
 
 class Wind(NamedTuple):

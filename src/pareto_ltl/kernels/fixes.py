@@ -21,22 +21,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple, TypeAlias
 
-from pareto_ltl.kernels.data import (
-    Ahead,
-    Cov,
-    Gaussian,
-    LandmarkLaw,
-    LandmarkMemory,
-    Landmarks,
-    Linear,
-    Modes,
-    Point,
-    Square,
-)
-from pareto_ltl.kernels.gaussian import FixWeights, fix_weights
+from pareto_ltl.kernels.data import Ahead, LandmarkLaw, LandmarkMemory, Landmarks, Modes, Square
 from pareto_ltl.kernels.interpolation import F32, corner_weights, mode_square, mode_value, wind_at
 from pareto_ltl.kernels.motion import scaled_cov
-from pareto_ltl.kernels.polygon import polygon_probability
 from pareto_ltl.kernels.propagation import (
     advance,
     carry,
@@ -52,6 +39,9 @@ from pareto_ltl.kernels.robot_errors import (
     subtract_errors,
 )
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
+from plane_kernels.gaussian import FixWeights, fix_weights
+from plane_kernels.polygon import polygon_probability
+from plane_kernels.types import Cov, Gaussian, Linear, Point
 from typed_kernels.jit import implements, kernel, vector
 
 FADED = 1e-3  # fixes whose factors s are all below this are ignored

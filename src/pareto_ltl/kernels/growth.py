@@ -9,9 +9,8 @@ import numpy as np
 from numpy.random import Generator
 
 from pareto_ltl.kernels.collision_risk import step_is_clear
-from pareto_ltl.kernels.data import Gaussian, Logic, Point
+from pareto_ltl.kernels.data import Logic
 from pareto_ltl.kernels.dijkstra import Product, find_lead
-from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.letters import epoch_at, next_state, too_late
 from pareto_ltl.kernels.mission_risk import visit_risk
 from pareto_ltl.kernels.motion import airspeed, least_airspeed
@@ -45,6 +44,8 @@ from pareto_ltl.kernels.tree import (
     vertex_point,
 )
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from plane_kernels.geometry import locate_cell
+from plane_kernels.types import Gaussian, Point
 from typed_kernels.jit import entry, inlined, kernel
 
 

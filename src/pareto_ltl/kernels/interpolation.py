@@ -9,8 +9,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Modes, Point, Square, Wind
+from pareto_ltl.kernels.data import Modes, Square, Wind
 from pareto_ltl.support.arrays import Float32Array, FloatArray
+from plane_kernels.types import Point
 from typed_kernels.jit import inlined, kernel, vector
 
 F32 = np.float32

@@ -10,9 +10,10 @@ import math
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Cells, Logic, Point
-from pareto_ltl.kernels.geometry import entry_share, locate_cell
+from pareto_ltl.kernels.data import Logic
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from plane_kernels.geometry import entry_share, locate_cell
+from plane_kernels.types import Cells, Point
 from typed_kernels.jit import allocating, inlined, kernel
 
 

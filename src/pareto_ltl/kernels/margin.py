@@ -23,8 +23,6 @@ import math
 from typing import NamedTuple
 
 from pareto_ltl.kernels import claim_lists, claim_rows
-from pareto_ltl.kernels.clearance import CERTAIN, Event, segment_clearance
-from pareto_ltl.kernels.data import Point
 from pareto_ltl.kernels.margin_events import (
     NOWHERE,
     SATURATED,
@@ -33,8 +31,10 @@ from pareto_ltl.kernels.margin_events import (
     mission_margins,
     numbered_event,
 )  # fmt: skip
-from pareto_ltl.kernels.near import enclose, least_gaps, list_met, list_shown, place_end, segment_box
 from pareto_ltl.support.arrays import FloatArray
+from plane_kernels.boxes import enclose, least_gaps, list_entered, list_met, place_end, segment_box
+from plane_kernels.clearance import CERTAIN, Event, segment_clearance
+from plane_kernels.types import Point
 from typed_kernels.jit import kernel, shared_entry
 
 FLAT = 3.0 * SATURATED  # widths: beyond, a smoothed failure has no slope
@@ -117,7 +117,7 @@ def smoothed_failure(
     """
     n, near, margins, met, limit = off.shape[2], scratch.near, scratch.margins, scratch.met, -CERTAIN
     enclose(mean, off, near.box)
-    list_shown(model.shown, -SATURATED * width, near)
+    list_entered(model.shown, -SATURATED * width, near.box, near.shown_first, near.shown)
     hazards, crossed = model.logic.hazards, near.crossed  # farther hazards have no effect
     list_met(model.hazards, hazards, SATURATED * width, near.box, near.crossed_first, crossed)
     mission_margins(scratch.claims, model, mean, off, -SATURATED * width, scratch)

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from pareto_ltl.kernels.clearance import CERTAIN, Event, segment_clearance
-from pareto_ltl.kernels.data import Cells, Corners, Faces, Logic, Point
-from pareto_ltl.kernels.near import Near
+from pareto_ltl.kernels.data import Logic
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.clearance import CERTAIN, Event, segment_clearance
+from plane_kernels.types import Cells, Corners, Faces, Point
 from typed_kernels.jit import by_type, inlined, kernel
 
 NOWHERE = -1  # number, and step, of "no event"
@@ -68,6 +68,30 @@ class Met(NamedTuple):
     nx: FloatArray
     ny: FloatArray
     share: FloatArray
+
+
+class Near(NamedTuple):
+    """Bounding boxes of all flights, and the polygons near them.
+
+    Attributes
+    ----------
+    box : (T+1, 4) float
+        Bounding box of all positions after each step: centre (x, y), half width and half height [m].
+    shown_first : (T+2,) int, shown : int
+        Polygons ``shown[shown_first[t]:shown_first[t + 1]]`` are near at step t.
+    met_first : (T+1,) int, met : int
+        Barriers ``met[met_first[t]:met_first[t + 1]]`` are near the segments from step t.
+    crossed_first : (T+1,) int, crossed : int
+        The same for hazards and their segments.
+    """
+
+    box: FloatArray
+    shown_first: IntArray
+    shown: IntArray
+    met_first: IntArray
+    met: IntArray
+    crossed_first: IntArray
+    crossed: IntArray
 
 
 class Scratch(NamedTuple):

@@ -10,12 +10,12 @@ import math
 import numpy as np
 
 from pareto_ltl.kernels.bounds import Ordered, Theorem2
-from pareto_ltl.kernels.data import Cov, Gaussian, Point
-from pareto_ltl.kernels.gaussian import inside, region_missed, tail, variance_along
-from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.letters import epoch_at
-from pareto_ltl.kernels.polygon import polygon_probability
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from plane_kernels.gaussian import inside, region_missed, tail, variance_along
+from plane_kernels.geometry import locate_cell
+from plane_kernels.polygon import polygon_probability
+from plane_kernels.types import Cov, Gaussian, Point
 from typed_kernels.jit import allocating, kernel
 
 REMOTE = 7.35  # standard deviations to one face, with probability 1e-13: the exact value is below rounding

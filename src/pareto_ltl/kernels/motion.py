@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from pareto_ltl.kernels.data import Ahead, Cov, Gaussian, IndependentLaw, Motion, Point, Wind
+from pareto_ltl.kernels.data import Ahead, IndependentLaw, Motion, Wind
 from pareto_ltl.kernels.interpolation import gust_variance, wind_at
+from plane_kernels.types import Cov, Gaussian, Point
 from typed_kernels.jit import inlined, kernel
 
 # The maximum-trace rule evaluates the centre and eight points on the boundary of the ball: the latent

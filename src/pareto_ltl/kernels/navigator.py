@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 
-from pareto_ltl.kernels.data import Landmarks, Motion, Point
+from pareto_ltl.kernels.data import Landmarks, Motion
 from pareto_ltl.kernels.interpolation import F32
 from pareto_ltl.kernels.moves import changes, dot, fade_theta, lengthen, move_belief, stay
 from pareto_ltl.kernels.pilots import (
@@ -36,6 +36,7 @@ from pareto_ltl.kernels.pilots import (
     within_airspeed,
 )
 from pareto_ltl.support.arrays import Float32Array, FloatArray
+from plane_kernels.types import Point
 from typed_kernels.jit import implements, kernel, vector
 
 # --- covariances of a history -----------------------------------------------------------------

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from numpy.random import Generator
 
-from pareto_ltl.kernels.data import Point
 from pareto_ltl.support.arrays import FloatArray, Int32Array, IntArray
+from plane_kernels.types import Point
 from typed_kernels.jit import kernel
 
 

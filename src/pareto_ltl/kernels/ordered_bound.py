@@ -14,14 +14,12 @@ but it remains an upper bound of the mission risk.
 
 from __future__ import annotations
 
-import numpy as np
-
 from pareto_ltl.kernels.bounds import Letters, LiveRows, Ordered
-from pareto_ltl.kernels.data import Cov, Gaussian, Point
-from pareto_ltl.kernels.geometry import locate_cell
 from pareto_ltl.kernels.letters import epoch_at, next_state
 from pareto_ltl.kernels.mission_risk import read_labels, read_place, read_way
 from pareto_ltl.support.arrays import FloatArray, Int32Array
+from plane_kernels.geometry import locate_cell
+from plane_kernels.types import Cov, Gaussian, Point
 from typed_kernels.jit import allocating, inlined, kernel
 
 STEP_WORTH = 0.25  # weight of one transition to acceptance against V when entries are left out
@@ -243,7 +241,7 @@ def ordered_risk(
     begin_bound(bound, rows, 0)
     before = Gaussian(Point(x[0, 0], x[0, 1]), Cov(cov[0, 0], cov[0, 1], cov[0, 2]))
     cell = locate_cell(bound.cells, before.mean)
-    q, now = int(np.int64(logic.initial)), 0
+    q, now = logic.initial, 0
     for t in range(len(x)):
         letters.epoch[0] = epoch_at(logic.epoch, t)
         here = Gaussian(Point(x[t, 0], x[t, 1]), Cov(cov[t, 0], cov[t, 1], cov[t, 2]))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
-from pareto_ltl.kernels.data import Motion, Point, Wind
+from pareto_ltl.kernels.data import Motion, Wind
 from pareto_ltl.kernels.interpolation import wind_at
 from pareto_ltl.support.arrays import FloatArray
+from plane_kernels.types import Point
 from typed_kernels.jit import entry
 
 SLOWEST = 0.05  # of u_max: least ground speed assumed for a leg against a strong wind

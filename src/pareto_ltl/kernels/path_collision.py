@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.kernels.collision_risk import leg_between, look_around_leg
-from pareto_ltl.kernels.data import Cov, Faces, Gaussian, Nearby, Point
-from pareto_ltl.kernels.gaussian import SQRT_HALF, tail
-from pareto_ltl.kernels.geometry import SLACK
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.gaussian import SQRT_HALF, tail
+from plane_kernels.geometry import SLACK
+from plane_kernels.types import Cov, Faces, Gaussian, Nearby, Point
 from typed_kernels.jit import allocating, inlined, kernel
 
 ALL_DEVIATIONS = 8.3  # standard deviations; farther obstacles have probability below 1e-16

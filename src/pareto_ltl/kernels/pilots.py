@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple, TypeAlias
 
-from pareto_ltl.kernels.data import Landmarks, Motion, Point
+from pareto_ltl.kernels.data import Landmarks, Motion
 from pareto_ltl.support.arrays import BoolArray, ComplexArray, Float32Array, FloatArray, IntArray
+from plane_kernels.types import Point
 from typed_kernels.jit import by_type, implements, inlined, kernel
 
 SHARES = 8  # parts of a step in which a fix can lie: fixes in one part have the same gains

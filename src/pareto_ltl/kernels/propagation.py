@@ -18,15 +18,11 @@ from pareto_ltl.kernels.data import (
     Ahead,
     CoherentLaw,
     CoherentMemory,
-    Cov,
-    Gaussian,
     IndependentLaw,
     LandmarkLaw,
     Law,
-    Linear,
     Memory,
     Modes,
-    Point,
     Square,
 )
 from pareto_ltl.kernels.interpolation import (
@@ -42,6 +38,7 @@ from pareto_ltl.kernels.interpolation import (
 )
 from pareto_ltl.kernels.motion import airspeed_left, independent_step, left_time, scaled_cov
 from pareto_ltl.support.arrays import Float32Array
+from plane_kernels.types import Cov, Gaussian, Linear, Point
 from typed_kernels.jit import by_type, implements, kernel, vector
 
 

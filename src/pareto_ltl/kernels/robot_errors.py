@@ -28,17 +28,15 @@ import math
 
 from pareto_ltl.kernels.data import (
     CoherentLaw,
-    Cov,
     FlightErrors,
     IndependentLaw,
     LandmarkLaw,
     Law,
-    Linear,
     Motion,
-    Point,
     RobotErrors,
 )
-from pareto_ltl.kernels.gaussian import FixWeights
+from plane_kernels.gaussian import FixWeights
+from plane_kernels.types import Cov, Linear, Point
 from typed_kernels.jit import by_type, implements, kernel
 
 AIRSPEED, HEADING, CLOCK = range(3)  # the coefficients, in order

@@ -19,6 +19,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray, square_matrices
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.times import hours_text
+from plane_kernels.types import Faces
 
 if TYPE_CHECKING:
     from pareto_ltl.kernels.path import Flight
@@ -303,9 +304,9 @@ def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool
     return min(total, 1.0) if tight else total
 
 
-def with_supporting_lines(problem: Problem, flight: Flight) -> kd.Faces:
+def with_supporting_lines(problem: Problem, flight: Flight) -> Faces:
     """The barriers with the supporting lines of all near segments of ``flight`` as further faces."""
-    from pareto_ltl.kernels.supporting_lines import FAR, lines_of_each
+    from plane_kernels.supporting_lines import FAR, lines_of_each
 
     faces, corners = problem.barriers, barrier_polygons(problem)
     line = np.empty((len(flight.u), len(corners.radius), 4))
@@ -318,7 +319,7 @@ def with_supporting_lines(problem: Problem, flight: Flight) -> kd.Faces:
         normals += [faces.normal[first:last], rows[:, :2]]
         offsets += [faces.offset[first:last], rows[:, 2]]
         counts.append(last - first + len(rows))
-    return kd.Faces(np.cumsum(counts), np.vstack(normals), np.concatenate(offsets))
+    return Faces(np.cumsum(counts), np.vstack(normals), np.concatenate(offsets))
 
 
 def gaussian_path(law: kd.Law, flight: Flight, *, tight: bool = True) -> GaussianPath:

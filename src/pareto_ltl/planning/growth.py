@@ -18,7 +18,6 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from ltlf import show_letter
-from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import growth as kernel
 from pareto_ltl.kernels import tree as kt
 from pareto_ltl.kernels.dijkstra import Product
@@ -35,7 +34,9 @@ from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.machine import cores, require_memory
 from pareto_ltl.support.messages import shown_value
+from pareto_ltl.support.seeds import unspawned
 from pareto_ltl.world.windows import missed_windows
+from plane_kernels.types import Cov, Gaussian, Point
 
 ITERATIONS_PER_VERTEX = 50  # growth ends after this many extensions for each vertex of planner.n_max
 LOOK = 0.02  # [s] between two checks of the time limits
@@ -100,10 +101,10 @@ class GrowthTask:
     fans: Fans
 
     @property
-    def root(self) -> kd.Gaussian:
+    def root(self) -> Gaussian:
         """The position at the start."""
         (x, y), (xx, xy, yy) = self.problem.scene.start, self.problem.start_cov
-        return kd.Gaussian(kd.Point(float(x), float(y)), kd.Cov(xx, xy, yy))
+        return Gaussian(Point(float(x), float(y)), Cov(xx, xy, yy))
 
     def grow(self, tree: GrowingTree, limit: int, iterations: int) -> None:
         """Grow ``tree`` until it has ``limit`` vertices or ``iterations`` extensions in all."""
@@ -185,7 +186,7 @@ def grow_forest(
     models = tree_models(problem, strict=cfg.epsilon_strict)
     task = GrowthTask(cfg, problem, models, graph, cell_fans(problem.decomposition))
     _require_memory(cfg, problem)
-    grove = Grove(task, seeds.spawn(cfg.trees), options)
+    grove = Grove(task, unspawned(seeds).spawn(cfg.trees), options)
     _check_lead(task, grove.plant(0))
     began = time.perf_counter()
     budget.begin()

@@ -10,13 +10,13 @@ import numpy as np
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.claim_lists import ClaimLists, Claims
 from pareto_ltl.kernels.claim_rows import BLOCK, ClaimRows, Rows
-from pareto_ltl.kernels.clearance import CERTAIN
-from pareto_ltl.kernels.margin_events import Guards, MarginModel, Met, Scratch
-from pareto_ltl.kernels.near import Near
+from pareto_ltl.kernels.margin_events import Guards, MarginModel, Met, Near, Scratch
 from pareto_ltl.planning.pack import pack_faces
 from pareto_ltl.planning.pack_logic import LIVE, pack_corners
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.clearance import CERTAIN
+from plane_kernels.types import Corners
 
 # States of an automaton, or hazards, above which only the order of a path is polished: 0.75 x the CPU time
 # with many states, 0.65 x with 47 hazards.
@@ -281,7 +281,7 @@ def needed_claims(better: BoolArray, allowed: BoolArray, usable: BoolArray) -> B
     return np.asarray(usable & allowed.any(axis=2) & ~instead.any(axis=1), bool)
 
 
-def _barrier_corners(problem: Problem) -> kd.Corners:
+def _barrier_corners(problem: Problem) -> Corners:
     """Corners of the obstacles; a wall has none, and is never out of reach."""
     obstacles = list(problem.decomposition.obstacles)
     corners = pack_corners(range(len(obstacles)), obstacles)

@@ -28,6 +28,7 @@ from pareto_ltl.wind.records import HELD, PARTS, SPACE, TIME, WindField, WindMod
 from pareto_ltl.world.cells import BUCKETS, Decomposition, bucket_cells, half_planes
 from pareto_ltl.world.scene import FixShape, Scene
 from pareto_ltl.world.time_step import with_time_step
+from plane_kernels.types import Cells, Faces, Nearby
 
 LOG = logging.getLogger(__name__)
 
@@ -42,16 +43,16 @@ NEARBY_ENTRIES, NEARBY_SQUARES = 4_000_000, 64  # table of near obstacles: entri
 # --- the map ----------------------------------------------------------------------------------
 
 
-def pack_faces(polygons: Sequence[FloatArray]) -> kd.Faces:
+def pack_faces(polygons: Sequence[FloatArray]) -> Faces:
     """Half planes of convex polygons, one after another."""
     ptr = np.concatenate([[0], np.cumsum([len(p) for p in polygons])]).astype(np.int64)
     if not polygons:
-        return kd.Faces(ptr, np.empty((0, 2)), np.empty(0))
+        return Faces(ptr, np.empty((0, 2)), np.empty(0))
     parts = [half_planes(p) for p in polygons]
-    return kd.Faces(ptr, np.vstack([n for n, _ in parts]), np.concatenate([b for _, b in parts]))
+    return Faces(ptr, np.vstack([n for n, _ in parts]), np.concatenate([b for _, b in parts]))
 
 
-def pack_barriers(scene: Scene, obstacles: kd.Faces) -> kd.Faces:
+def pack_barriers(scene: Scene, obstacles: Faces) -> Faces:
     """The polygons that a path must not touch: obstacles and, where the border is a wall, its sides.
 
     A side is a polygon with one face: the half plane beyond it, which the normal points away from.
@@ -60,14 +61,14 @@ def pack_barriers(scene: Scene, obstacles: kd.Faces) -> kd.Faces:
         return obstacles
     (west, south), (east, north) = scene.bounds
     normal = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-    return kd.Faces(
+    return Faces(
         np.concatenate([obstacles.ptr, obstacles.ptr[-1] + np.arange(1, 5)]),
         np.vstack([obstacles.normal, normal]),
         np.concatenate([obstacles.offset, [west, -east, south, -north]]),
     )
 
 
-def pack_nearby(barriers: kd.Faces, bounds: FloatArray) -> kd.Nearby:
+def pack_nearby(barriers: Faces, bounds: FloatArray) -> Nearby:
     """For each square of a grid over the map, the barriers sorted by the distance of its centre."""
     (west, south), (east, north) = bounds
     m = len(barriers.ptr) - 1
@@ -83,18 +84,18 @@ def pack_nearby(barriers: kd.Faces, bounds: FloatArray) -> kd.Nearby:
     order = np.argsort(gap, axis=1, kind="stable")
     below = np.nextafter(np.take_along_axis(gap, order, axis=1).astype(np.float32), np.float32(-np.inf))
     owner = np.repeat(np.arange(m), np.diff(barriers.ptr))
-    return kd.Nearby(
+    return Nearby(
         float(west), float(south), float(side), columns, rows, order.astype(np.int32), below,
         owner.astype(np.int32),
     )  # fmt: skip
 
 
-def pack_cells(bounds: FloatArray, decomposition: Decomposition) -> kd.Cells:
+def pack_cells(bounds: FloatArray, decomposition: Decomposition) -> Cells:
     """The cells with the grid that finds the cell of a point."""
     (west, south), (east, north) = bounds
     ptr, index = bucket_cells(decomposition, bounds)
     faces = pack_faces(decomposition.cells)
-    return kd.Cells(float(west), float(south), float(east), float(north), BUCKETS, ptr, index, faces)
+    return Cells(float(west), float(south), float(east), float(north), BUCKETS, ptr, index, faces)
 
 
 # --- wind and motion --------------------------------------------------------------------------
@@ -267,7 +268,7 @@ def pack_landmarks(
 
 
 def pack_theorem2(
-    decomposition: Decomposition, automaton: Automaton, cells: kd.Cells, logic: kd.Logic,
+    decomposition: Decomposition, automaton: Automaton, cells: Cells, logic: kd.Logic,
     epochs: Sequence[Epoch],
 ) -> kb.Theorem2:  # fmt: skip
     """The paper's bound: convex parts of the regions to visit, and the propositions of each cell by epoch."""
@@ -301,7 +302,7 @@ def pack_laws(
 
 
 def pack_collision(
-    kind: str, barriers: kd.Faces, nearby: kd.Nearby, epsilon: float, delta: float
+    kind: str, barriers: Faces, nearby: Nearby, epsilon: float, delta: float
 ) -> kb.CollisionBound:
     """The collision bound ``step``, which splits epsilon equally over the barriers, or ``path``."""
     from scipy.special import ndtri

@@ -18,16 +18,17 @@ from pareto_ltl.logic.timed import letter_of
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.windows import Window
+from plane_kernels.types import Cells, Corners
 
 LIVE = 64  # V follows all states of automata with at most so many, and is exact
 PATH_LIVE = 256  # entries of V retained along a path of a larger one
 
 
-def pack_corners(cell: Sequence[int], corners: Sequence[FloatArray]) -> kd.Corners:
+def pack_corners(cell: Sequence[int], corners: Sequence[FloatArray]) -> Corners:
     """Polygons as corners, with a circle around each."""
     middle = np.array([polygon.mean(axis=0) for polygon in corners]).reshape(-1, 2)
     radius = [np.linalg.norm(polygon - m, axis=1).max() for polygon, m in zip(corners, middle, strict=True)]
-    return kd.Corners(
+    return Corners(
         np.array(cell, np.int64), middle, np.array(radius, float),
         np.concatenate([[0], np.cumsum([len(polygon) for polygon in corners])]).astype(np.int64),
         np.vstack([np.empty((0, 2)), *corners]),
@@ -119,13 +120,13 @@ def harmful_letters(automaton: Automaton, nothing: int) -> tuple[BoolArray, Bool
 # --- the ordered bound ------------------------------------------------------------------------
 
 
-def pack_ordered(decomposition: Decomposition, cells: kd.Cells, logic: kd.Logic) -> kb.Ordered:
+def pack_ordered(decomposition: Decomposition, cells: Cells, logic: kd.Logic) -> kb.Ordered:
     """The ordered bound: the cells with a label, as corners in their order, and the states it tracks."""
     cell = [c for c, label in enumerate(decomposition.labels) if label]
     return follow_states(pack_corners(cell, [decomposition.cells[c] for c in cell]), cells, logic)
 
 
-def follow_states(labelled: kd.Corners, cells: kd.Cells, logic: kd.Logic) -> kb.Ordered:
+def follow_states(labelled: Corners, cells: Cells, logic: kd.Logic) -> kb.Ordered:
     """The ordered bound, with the states p for which V_t(p) is computed from the entry of each state."""
     states, last = len(logic.distance), logic.delta.shape[2] - 1
     losses = np.concatenate(logic.loses, axis=1)
@@ -202,7 +203,7 @@ class Reading(NamedTuple):
     distance: FloatArray
     covers: BoolArray
     initial: int
-    hazards: kd.Corners
+    hazards: Corners
 
 
 def epochs_of(windows: Mapping[str, Window], dt: float, steps: int) -> tuple[IntArray, tuple[Epoch, ...]]:

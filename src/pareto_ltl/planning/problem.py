@@ -28,17 +28,18 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
+from plane_kernels.types import Cells, Corners, Faces
 
 if TYPE_CHECKING:
-    from pareto_ltl.kernels.supporting_lines import SegmentLines
     from pareto_ltl.planning.records import Forest, PlannedPath
+    from plane_kernels.supporting_lines import SegmentLines
 
 LEAST_VARIANCE = (
     0.1  # [m²] added to every variance: a position that is known exactly has a deviation of 0.3 m
 )
 BEYOND = 3.0  # depth of a wall as a polygon, in sizes of the map
 
-_POLYGONS: WeakKeyDictionary[Problem, kd.Corners] = WeakKeyDictionary()
+_POLYGONS: WeakKeyDictionary[Problem, Corners] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, weakref_slot=True)
@@ -84,7 +85,7 @@ class Problem(Displayed):
     automaton: Automaton
     labels: tuple[frozenset[str], ...]
     fidelity: FidelityConfig
-    obstacles: kd.Faces
+    obstacles: Faces
     start_variance: float
     epsilon: float
     max_steps: int
@@ -111,7 +112,7 @@ class Problem(Displayed):
         return tuple(self.automaton.atoms)
 
     @property
-    def cells(self) -> kd.Cells:
+    def cells(self) -> Cells:
         """Convex cells of the map."""
         return self.world.mission.cells
 
@@ -137,7 +138,7 @@ class Problem(Displayed):
         return self.world.law.wind
 
     @property
-    def barriers(self) -> kd.Faces:
+    def barriers(self) -> Faces:
         """Convex parts of the obstacles and, where the border is a wall, its four sides."""
         return self.world.collision.barriers
 
@@ -221,7 +222,7 @@ class Problem(Displayed):
 
     def locate(self, points: FloatArray) -> IntArray:
         """Cell of each row of ``points`` (P, 2); -1 in an obstacle or off the map."""
-        from pareto_ltl.kernels.geometry import locate_cells
+        from plane_kernels.geometry import locate_cells
 
         cells: IntArray = locate_cells(self.cells, np.ascontiguousarray(points))
         return cells
@@ -351,7 +352,7 @@ def _kept_between(keep: FloatArray, at: IntArray) -> FloatArray:
 # --- barriers ---------------------------------------------------------------------------------------
 
 
-def barrier_polygons(problem: Problem) -> kd.Corners:
+def barrier_polygons(problem: Problem) -> Corners:
     """The convex polygons of ``problem.barriers`` as corners, made once; a wall is a deep rectangle."""
     found = _POLYGONS.get(problem)
     if found is None:
@@ -377,14 +378,14 @@ def _walls(problem: Problem) -> list[FloatArray]:
 
 
 def lines_of(
-    corners: kd.Corners, requested: BoolArray, x: FloatArray, cov: FloatArray, slots: int, around: float = 0.0
+    corners: Corners, requested: BoolArray, x: FloatArray, cov: FloatArray, slots: int, around: float = 0.0
 ) -> SegmentLines:
     """The ``slots`` closest supporting lines of each segment, and its risk.
 
     ``requested`` (T, m) are the polygons to avoid, ``x`` (T+1, 2) means [m], ``cov`` (T+1, 3)
     covariances [m²].
     """
-    from pareto_ltl.kernels.supporting_lines import SegmentLines, segment_lines
+    from plane_kernels.supporting_lines import SegmentLines, segment_lines
 
     T = len(requested)
     lines = SegmentLines(np.empty((T, slots, 4)), np.empty((T, slots), np.int64), np.empty(T))

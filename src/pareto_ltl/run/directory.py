@@ -25,8 +25,8 @@ STUDY_FOLDERS = ("parts", "starts", "recommended")  # of studies, whose content 
 def claimed_directory(directory: Path, written: Collection[str]) -> Iterator[None]:
     """Reserve ``directory`` for one run: make it if it is missing, lock it, remove files of an earlier run.
 
-    Parts of a study stay: their names are fingerprints of all that they depend on, and ``evaluation.resume``
-    reads them.
+    Parts of a study stay: their names are fingerprints of all that they depend on, and a run that is
+    resumed reads them.
 
     Parameters
     ----------

@@ -17,8 +17,8 @@ from pareto_ltl.run.pipeline import Pipeline, carry_out
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.progress import Caller, ProgressBar
 from pareto_ltl.run.results import Planned, planned_run
-from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, Settings, WindConfig
-from pareto_ltl.settings.building import build_settings, choice_values, section_of
+from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, WindConfig
+from pareto_ltl.settings.building import build_settings, choice_values, python_spelling, section_of
 from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.messages import shown_text
@@ -28,6 +28,7 @@ from pareto_ltl.world.scene_settings import read_map
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import PlannedPath
+    from pareto_ltl.settings import Settings
     from pareto_ltl.simulation.records import Deployment
     from pareto_ltl.support.arrays import FloatArray
     from pareto_ltl.wind.readings import Readings
@@ -42,6 +43,7 @@ CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 # --- planning -----------------------------------------------------------------------------------
 
 
+@python_spelling()
 def plan(
     scene: str | Path | Mapping[str, Any] | SceneConfig | Scene,
     formula: str | Mapping[str, Any] | MissionConfig,
@@ -70,7 +72,8 @@ def plan(
     sections : mapping, str or settings object
         Any section of :class:`Settings`: ``wind="calm"``, ``planner={"trees": 4}``. A string names a choice
         in ``conf/``; ``mission`` gives the keys other than the formula. ``wind``, or its key ``source``, may
-        also be a file, a dataset of xarray, a :class:`Readings`, or a :class:`WindField`.
+        also be a file, a dataset of xarray, a :class:`Readings`, or a :class:`WindField`. Messages write
+        ``planner.trees=4`` for it.
 
     Raises
     ------

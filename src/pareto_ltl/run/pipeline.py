@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import takewhile
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pareto_ltl.run import provenance
 from pareto_ltl.run.directory import claimed_directory, discard_try
@@ -17,7 +17,6 @@ from pareto_ltl.run.plan_run import PLAN_STAGES, Run
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.record import BaseRun, Record
 from pareto_ltl.run.required import require_formula, require_map
-from pareto_ltl.settings import Settings
 from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlError
 from pareto_ltl.support.extensions import (
@@ -28,9 +27,12 @@ from pareto_ltl.support.extensions import (
     load_extension,
 )
 from pareto_ltl.support.fingerprints import file_hashes
-from pareto_ltl.support.machine import cores, require_memory
+from pareto_ltl.support.machine import require_memory
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.run_status import RUN_LOG
+
+if TYPE_CHECKING:
+    from pareto_ltl.settings import PlannerConfig, Settings
 
 LOG = logging.getLogger("pareto_ltl")
 VERTEX_BYTES = 150  # of a vertex, with fidelity=paper and one obstacle
@@ -62,6 +64,17 @@ class Pipeline:
     def discarded(directory: Path) -> bool:
         """Remove ``directory`` if a run failed in it before a tree grew; returns whether it is gone."""
         return discard_try(directory)
+
+    @staticmethod
+    def require_trees(
+        planner: PlannerConfig, setting: str, vertices: int, processes: int = 1, where: str = ""
+    ) -> None:
+        """Raise ConfigError if trees of ``vertices``, which ``setting`` states, can never fit into memory.
+
+        ``where`` follows the number of trees in the message.
+        """
+        each = processes * planner.trees * VERTEX_BYTES
+        require_memory(each, setting, vertices, f"{planner.trees} trees{where}", "planner.trees")
 
     @classmethod
     def of(
@@ -187,16 +200,10 @@ def check_sizes(settings: Settings, listed: Collection[Record[Any]]) -> None:
     """
     planner, flights = settings.planner, settings.deployment
     stages = [stage.stage for stage in listed]
-    if "forest" in stages or any(stage.study for stage in listed):
-        jobs = (settings.evaluation.jobs or cores()) if "forest" not in stages else 1
-        busy = f" in each of {jobs} processes (evaluation.jobs)" if jobs > 1 else ""
-        trees = f"{planner.trees} trees{busy}"
-        require_memory(
-            jobs * planner.trees * VERTEX_BYTES, "planner.n_max", planner.n_max, trees, "planner.trees"
-        )
-        if "convergence" in stages:
-            sizes = max(settings.convergence.sizes)
-            require_memory(planner.trees * VERTEX_BYTES, "convergence.sizes", sizes, trees, "planner.trees")
+    if "forest" in stages:
+        Pipeline.require_trees(planner, "planner.n_max", planner.n_max)
+    for stage in listed:
+        stage.check(settings)
     if "deployment" in stages:
         each = 2 * POSITION_BYTES * len(flights.laws) * WRITTEN
         require_memory(each, "deployment.runs", flights.runs, "the positions of all simulated flights")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 from pareto_ltl.run import provenance
 from pareto_ltl.run.record import BaseRun, Record, record
 from pareto_ltl.run.required import require_formula, require_map
-from pareto_ltl.settings import RobotConfig, Settings, WindConfig
+from pareto_ltl.settings import RobotConfig, WindConfig
 from pareto_ltl.settings.building import read_settings_file
 from pareto_ltl.settings.heights import Height, flight_height
 from pareto_ltl.support.errors import ConfigError, DataError
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger(__name__)
 MAP_FILES, PLAN_FILES = "pareto_ltl.world.scene_files", "pareto_ltl.planning.plan_files"
+LOGIC_FILES, FLIGHTS = "pareto_ltl.logic.automaton_files", "pareto_ltl.simulation.records"
 
 
 class Run(BaseRun):
@@ -49,7 +50,7 @@ class Run(BaseRun):
     directory instead. ``run.given(wind=field).plan`` is the plan in another wind.
     """
 
-    @record()
+    @record(words="Reading the wind")
     def readings(self) -> Readings:
         """All wind readings of the source; each file is read once, a large one only around the scene."""
         from pareto_ltl.run.provenance import wanted_wind
@@ -64,7 +65,7 @@ class Run(BaseRun):
             LOG.info("%s: %s", readings.name, note)
         return readings
 
-    @record("scene.json", codec=f"{MAP_FILES}:scene")
+    @record("scene.json", codec=f"{MAP_FILES}:scene", words="Reading the map")
     def scene(self) -> Scene:
         """The map; without ``mission.start_time`` the robot departs at the first wind time."""
         from pareto_ltl.logic.mission import region_use
@@ -92,14 +93,14 @@ class Run(BaseRun):
             height if height.stated else None, sky_room(settings, self.readings, departure),
         )  # fmt: skip
 
-    @record("cells.json", codec=f"{MAP_FILES}:cells", stage="decomposition")
+    @record("cells.json", codec=f"{MAP_FILES}:cells", stage="decomposition", words="Dividing the map")
     def cells(self) -> Decomposition:
         """The convex cells of the map."""
         from pareto_ltl.world import cells
 
         return cells.decompose(self.scene)
 
-    @record("automaton.json", "automaton.hoa", codec="pareto_ltl.logic.automaton_files:automaton")
+    @record("automaton.json", "automaton.hoa", codec=f"{LOGIC_FILES}:automaton", words="Reading the mission")
     def automaton(self) -> Automaton:
         """The minimal automaton of the mission, over the letters of the cells and the one off the map."""
         from pareto_ltl.logic.mission import automaton_of
@@ -123,14 +124,14 @@ class Run(BaseRun):
             LOG.warning("no way on the map leads from the start to %s", ", ".join(cut_off))
         return result
 
-    @record()
+    @record(words="Reading the wind")
     def observations(self) -> WindObservations:
         """The readings near the map, in its plane and with times since departure."""
         from pareto_ltl.wind.observations import place_readings
 
         return place_readings(self.settings.wind, self.readings, self.scene)
 
-    @record("wind.nc", codec="pareto_ltl.wind.netcdf:wind")
+    @record("wind.nc", codec="pareto_ltl.wind.netcdf:wind", words="Fitting the wind")
     def wind(self) -> WindField:
         """The posterior wind for as long as a plan can last."""
         from pareto_ltl.wind import field
@@ -141,7 +142,7 @@ class Run(BaseRun):
         horizon = steps * step_of(settings.robot, self.scene, steps)
         return field.fit_wind_field(settings.wind, self.observations, self.scene, horizon)
 
-    @record()
+    @record(words="Preparing the search")
     def problem(self) -> Problem:
         """Map, wind, automaton and robot as the arrays that planning reads."""
         from pareto_ltl.planning.costs import costs_with
@@ -170,7 +171,7 @@ class Run(BaseRun):
             LOG.warning("%s", line)
         return problem
 
-    @record("trees.npz", codec=f"{PLAN_FILES}:forest")
+    @record("trees.npz", codec=f"{PLAN_FILES}:forest", words="Searching for paths")
     def forest(self) -> Forest:
         """The search trees (Algorithm 1)."""
         from pareto_ltl.planning import growth
@@ -182,7 +183,7 @@ class Run(BaseRun):
             seeds = self.seeds("forest")
             return growth.grow_forest(settings.planner, problem, seeds, self.progress, budget=self.budget)
 
-    @record("front.csv", "front.npz", codec=f"{PLAN_FILES}:front")
+    @record("front.csv", "front.npz", codec=f"{PLAN_FILES}:front", words="Improving the paths")
     def front(self) -> Front:
         """The non-dominated paths, refined and judged as set in ``fidelity``."""
         from pareto_ltl.run.front_stage import Search, make_front
@@ -192,7 +193,7 @@ class Run(BaseRun):
             Search(self.settings, self.problem, self.forest, self.budget, self.progress, candidates)
         )
 
-    @record("plan.json", "plan.csv", codec=f"{PLAN_FILES}:plan")
+    @record("plan.json", "plan.csv", codec=f"{PLAN_FILES}:plan", words="Checking the plan with new flights")
     def plan(self) -> Plan:
         """The path to fly, the chance constraint of each of its segments, and the prices of its limits."""
         plan = self.unpriced_plan()
@@ -208,7 +209,7 @@ class Run(BaseRun):
 
         return branched(self, chosen_plan(self.settings, problem, wind, front, self.seeds("plan")))
 
-    @record()
+    @record(words="Checking the plan with new flights")
     def forecasts(self) -> Mapping[str, Forecast]:
         """V and R of the plan under every law of ``deployment.laws``."""
         plan = self.plan
@@ -216,7 +217,7 @@ class Run(BaseRun):
 
         return {law: Forecast.of(self.problem, plan.path.u, law) for law in self.settings.deployment.laws}
 
-    @record("deployments.npz", codec="pareto_ltl.simulation.records:deployments", stage="deployment")
+    @record("deployments.npz", codec=f"{FLIGHTS}:deployments", stage="deployment", words="Flying the plan")
     def deployments(self) -> Mapping[str, Deployment]:
         """Simulated flights of the plan under every law of ``deployment.laws``."""
         plan = self.plan
@@ -243,7 +244,7 @@ class Run(BaseRun):
         refuse_links_out(directory)
         inputs = read_document(directory / "run.json", "run").get("inputs") or {}
         return cls(
-            _inert(read_settings_file(directory / "config_resolved.yaml")),
+            read_settings_file(directory / "config_resolved.yaml").inert(),
             directory=directory,
             read={str(name): str(digest) for name, digest in inputs.items()},
             stored=frozenset(name for name, row in cls.rows().items() if row.codec),
@@ -317,22 +318,13 @@ class Run(BaseRun):
 class UnpricedRun(Run):
     """For studies, which read no price: pricing is more than half of a small plan's time."""
 
-    @record(*Run.plan.writes, codec=Run.plan.codec)
+    @record(*Run.plan.writes, codec=Run.plan.codec, words=Run.plan.words)
     def plan(self) -> Plan:
         """The path to fly."""
         return self.unpriced_plan()
 
 
 PLAN_STAGES = tuple(Run.rows().values())
-
-
-def _inert(settings: Settings) -> Settings:
-    """``settings`` that open no connection and continue no other run; no result depends on these."""
-    return replace(
-        settings,
-        evaluation=replace(settings.evaluation, cluster=None, resume=None),
-        wind=replace(settings.wind, base_url=None),
-    )
 
 
 def _check_sample(robot: RobotConfig, wind: WindConfig) -> None:

@@ -6,12 +6,10 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
-from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pareto_ltl.run.compile_costs import COSTS
 from pareto_ltl.support.machine import cores
-from pareto_ltl.support.resources import PACKAGE
 from typed_kernels.compile_time import CompileTime, seconds_text
 from typed_kernels.watching import compilation_watched
 
@@ -22,35 +20,7 @@ if TYPE_CHECKING:
     from pareto_ltl.support.arrays import FloatArray
 
 Found = Sequence[tuple[float, "FloatArray"]]  # failure rates on the flights of the search, and paths
-READING, CHECKING = "Reading the wind", "Checking the plan with new flights"
-STAGE_WORDS = {  # what a stage does, for people; the desk has the same words
-    "readings": READING,
-    "scene": "Reading the map",
-    "decomposition": "Dividing the map",
-    "automaton": "Reading the mission",
-    "observations": READING,
-    "wind": "Fitting the wind",
-    "problem": "Preparing the search",
-    "forest": "Searching for paths",
-    "front": "Improving the paths",
-    "plan": CHECKING,
-    "forecasts": CHECKING,
-    "deployment": "Flying the plan",
-    "departure": "Comparing departures",
-    "export": "Writing files",
-    "report": "Drawing figures",
-    "page": "Writing the report",
-}
 BAR_WIDTH = 14  # columns; the rest of a line of 80 is for the words
-
-
-def stage_words(name: str) -> str:
-    """What the stage ``name`` does; its name for a study or a stage of another package.
-
-    >>> stage_words("forest"), stage_words("comparison_figures")
-    ('Searching for paths', 'comparison figures')
-    """
-    return STAGE_WORDS.get(name, name.replace("_", " "))
 
 
 class Watcher:
@@ -156,13 +126,13 @@ class ProgressBar:
             self._bar = self._task = None
 
     @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Show what the stage ``name`` does for the duration of the block."""
+    def stage(self, name: str, words: str = "") -> Iterator[None]:
+        """Show ``words`` about the stage ``name``, by default its name, for the duration of the block."""
         self._stages.append(name)
         self._watcher.stage(name)
         outer = self._task
         if self._bar is not None:
-            self._task = self._bar.add_task(stage_words(name), total=None, state="")
+            self._task = self._bar.add_task(words or name.replace("_", " "), total=None, state="")
         try:
             yield
         finally:
@@ -193,8 +163,7 @@ class ProgressBar:
         if self._bar is None:
             return
         if self._time is None:
-            is_there = partial(has_code, PACKAGE / "kernels")
-            self._time = CompileTime(COSTS.get(self._preset, {}), is_there, min(cores(), 2))
+            self._time = CompileTime(COSTS.get(self._preset, {}), has_code, min(cores(), 2))
         self._time.begins(kernel)
         if self._compiling is None:
             self._compiling = self._bar.add_task("", total=1.0, state="")

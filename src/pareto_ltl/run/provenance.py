@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl import __version__
-from pareto_ltl.settings import Settings
 from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_hashes
@@ -22,6 +21,7 @@ from pareto_ltl.support.reading import inside
 from pareto_ltl.support.resources import checkout
 
 if TYPE_CHECKING:
+    from pareto_ltl.settings import Settings
     from pareto_ltl.wind.area import Wanted
 
 PACKAGES = (
@@ -35,7 +35,10 @@ NO_COMMIT = "(initial)"  # output of git if there is no commit yet
 def config_hash(settings: Settings) -> str:
     """Fingerprint of the code and of all settings that a result can depend on."""
     content = asdict(settings)
-    del content["sweep"], content["planner"]["threads"]
+    del content["planner"]["threads"]
+    for section in settings.sections():
+        if not section.result:
+            del content[section.section]
     # The fingerprint of the source counts too: the version does not change during development.
     hashed = {"version": __version__, "code": code_fingerprint(), "settings": content}
     return data_fingerprint(hashed)

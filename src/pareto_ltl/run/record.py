@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar, overload
 
 from pareto_ltl.run import provenance
 from pareto_ltl.run.progress import ProgressBar
-from pareto_ltl.settings import Settings
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
@@ -25,6 +24,8 @@ from pareto_ltl.support.seeds import stage_seeds
 
 if TYPE_CHECKING:
     from numpy.random import SeedSequence
+
+    from pareto_ltl.settings import Settings
 
 LOG = logging.getLogger("pareto_ltl")
 T = TypeVar("T")
@@ -52,20 +53,23 @@ class Record(Generic[T]):
         ``module:NAME``: functions ``write_NAME(directory, record)`` and ``read_NAME(place)`` of the module
         write the record into a directory and read it back, from the directory or from its only file. Empty if
         ``make`` writes the files itself, or there are none.
-    study : bool
-        It plans many missions, in ``evaluation.jobs`` processes, and may read and write files elsewhere.
+    words : str
+        What it does, for people who wait; empty: its name. The desk has the same words.
+    check : callable
+        Raises ConfigError for settings with which it cannot run, before anything is made.
     elsewhere : bool
-        It writes files outside of the results directory, as studies may.
+        It may read and write files outside of the results directory, as studies do.
     """
 
     def __init__(
         self, make: Callable[[Any], T], stage: str = "", writes: tuple[str, ...] = (),
-        shows: tuple[str, ...] = (), codec: str = "", *, name: str = "", study: bool = False,
+        shows: tuple[str, ...] = (), codec: str = "", *, name: str = "", words: str = "",
         later: tuple[str, ...] = (),
     ) -> None:  # fmt: skip
         self.make, self.writes, self.shows, self.later, self.codec = make, writes, shows, later, codec
         self.stage = stage or make.__name__
-        self.name, self.study, self.elsewhere = name or self.stage, study, study
+        self.name, self.words, self.elsewhere = name or self.stage, words, False
+        self.check: Callable[[Settings], None] = lambda _: None
         self.__doc__ = make.__doc__
 
     def __set_name__(self, kind: type, name: str) -> None:
@@ -102,10 +106,10 @@ class Record(Generic[T]):
 
 
 def record(
-    *writes: str, shows: tuple[str, ...] = (), codec: str = "", stage: str = ""
+    *writes: str, shows: tuple[str, ...] = (), codec: str = "", stage: str = "", words: str = ""
 ) -> Callable[[Callable[[Any], T]], Record[T]]:
     """Make a method of a run, or a function of one, a :class:`Record`; ``stage`` is by default its name."""
-    return lambda make: Record(make, stage, writes, shows, codec)
+    return lambda make: Record(make, stage, writes, shows, codec, words=words)
 
 
 @dataclass(eq=False, repr=False)
@@ -175,7 +179,7 @@ class BaseRun(Displayed):
         began, earlier = time.perf_counter(), dict(self.seconds)
         passed_on = False
         try:
-            with self.progress.stage(row.stage) if self.progress else nullcontext():
+            with self.progress.stage(row.stage, row.words) if self.progress else nullcontext():
                 self.records[row.name] = row.make(self)
                 if row.name not in self.rows():
                     self._added.add(row.name)

@@ -3,209 +3,41 @@
 The files of ``conf/`` hold values; these dataclasses are their schema. Each setting carries its unit, range
 and meaning (:func:`pareto_ltl.settings.checks.setting`). ``cli`` turns a composed configuration into a
 :class:`Settings`; no other package imports Hydra. Every error names the key as a user types it.
+
+``Settings`` has the sections of the planner and those that applications and other packages add. Their modules
+import this one, so it is put together when it is first asked for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, replace
-from functools import lru_cache
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
-from pareto_ltl.settings.checks import (
-    SEEDS,
-    CheckedSettings,
-    Setting,
-    check_folder_name,
-    setting,
-    settings_below,
-)
 from pareto_ltl.settings.checks import declarations as declarations
-from pareto_ltl.settings.fidelity import LAWS, FidelityConfig
 from pareto_ltl.settings.fidelity import PRESETS as PRESETS
+from pareto_ltl.settings.fidelity import FidelityConfig as FidelityConfig
 from pareto_ltl.settings.fidelity import preset as preset
-from pareto_ltl.settings.heights import FlownAir, Height, flight_air, flight_height
-from pareto_ltl.settings.mission import MissionConfig, RobotConfig, SceneConfig
+from pareto_ltl.settings.mission import MissionConfig as MissionConfig
 from pareto_ltl.settings.mission import PowerConfig as PowerConfig
 from pareto_ltl.settings.mission import RandomSceneConfig as RandomSceneConfig
-from pareto_ltl.settings.outputs import (
-    DeploymentConfig,
-    ExportsConfig,
-    IngestConfig,
-    LimitsConfig,
-    PipelineConfig,
-    ReportConfig,
-    SweepConfig,
-)
-from pareto_ltl.settings.planner import (
-    BranchConfig,
-    LogicConfig,
-    PlannerConfig,
-    RefineConfig,
-    SelectionConfig,
-    SmoothingConfig,
-)
-from pareto_ltl.settings.studies import (
-    AblationConfig,
-    CompareConfig,
-    ConvergenceConfig,
-    DepartureConfig,
-    EvaluationConfig,
-    ForecastTestConfig,
-    HindcastConfig,
-    LevelsConfig,
-    ReplanningConfig,
-    SitlConfig,
-)
-from pareto_ltl.settings.wind import WindConfig, usual_level, wind_sources
-from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.medium import WATER, Medium, medium_of
+from pareto_ltl.settings.mission import RobotConfig as RobotConfig
+from pareto_ltl.settings.mission import SceneConfig as SceneConfig
+from pareto_ltl.settings.planner import BranchConfig as BranchConfig
+from pareto_ltl.settings.planner import DeploymentConfig as DeploymentConfig
+from pareto_ltl.settings.planner import LogicConfig as LogicConfig
+from pareto_ltl.settings.planner import PipelineConfig as PipelineConfig
+from pareto_ltl.settings.planner import PlannerConfig as PlannerConfig
+from pareto_ltl.settings.planner import RefineConfig as RefineConfig
+from pareto_ltl.settings.planner import SelectionConfig as SelectionConfig
+from pareto_ltl.settings.planner import SmoothingConfig as SmoothingConfig
+from pareto_ltl.settings.wind import WindConfig as WindConfig
 
+if TYPE_CHECKING:
+    from pareto_ltl.settings.all_sections import Settings as Settings
+else:
 
-@dataclass
-class Settings(CheckedSettings):
-    """All settings of a run, one section for each part of the program."""
+    def __getattr__(name: str) -> type:
+        if name != "Settings":
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from pareto_ltl.settings.all_sections import Settings
 
-    name: str = setting("plan", "name of the run, and of the folder of its results")
-    seed: int = setting(0, "seed of all random numbers except in random maps", SEEDS)
-    fidelity: FidelityConfig = field(default_factory=FidelityConfig)
-    scene: SceneConfig = field(default_factory=SceneConfig)
-    mission: MissionConfig = field(default_factory=MissionConfig)
-    robot: RobotConfig = field(default_factory=RobotConfig)
-    wind: WindConfig = field(default_factory=WindConfig)
-    logic: LogicConfig = field(default_factory=LogicConfig)
-    planner: PlannerConfig = field(default_factory=PlannerConfig)
-    smoothing: SmoothingConfig = field(default_factory=SmoothingConfig)
-    refine: RefineConfig = field(default_factory=RefineConfig)
-    selection: SelectionConfig = field(default_factory=SelectionConfig)
-    deployment: DeploymentConfig = field(default_factory=DeploymentConfig)
-    exports: ExportsConfig = field(default_factory=ExportsConfig)
-    report: ReportConfig = field(default_factory=ReportConfig)
-    limits: LimitsConfig = field(default_factory=LimitsConfig)
-    ingest: IngestConfig = field(default_factory=IngestConfig)
-    pipelines: PipelineConfig = field(default_factory=PipelineConfig)
-    evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
-    compare: CompareConfig = field(default_factory=CompareConfig)
-    convergence: ConvergenceConfig = field(default_factory=ConvergenceConfig)
-    ablation: AblationConfig = field(default_factory=AblationConfig)
-    hindcast: HindcastConfig = field(default_factory=HindcastConfig)
-    forecast_test: ForecastTestConfig = field(default_factory=ForecastTestConfig)
-    departure: DepartureConfig = field(default_factory=DepartureConfig)
-    levels: LevelsConfig = field(default_factory=LevelsConfig)
-    replanning: ReplanningConfig = field(default_factory=ReplanningConfig)
-    sitl: SitlConfig = field(default_factory=SitlConfig)
-    sweep: SweepConfig = field(default_factory=SweepConfig)
-    branch: BranchConfig = field(default_factory=BranchConfig)
-
-    PRESETS, LAWS = PRESETS, LAWS  # names of presets with their values, of wind laws
-
-    def check_combinations(self) -> None:
-        """Reject a name that cannot be a folder and two heights; replace the level ``auto`` by its value."""
-        check_folder_name("name", self.name)
-        if self.wind.level == "auto":  # the records of a run hold the level itself
-            compared = self.levels.levels  # the map of that study is made with the first of them
-            level = compared[0] if compared else usual_level(self.wind.source, self.robot.level)
-            self.wind = replace(self.wind, level=level)
-        flight_air(self, flight_height(self))
-        self._check_branches()
-
-    def _check_branches(self) -> None:
-        """Refuse branches of a robot that always knows its position, and models that do not see them."""
-        if self.branch.leaves == 1:
-            if self.branch.fixes > 1:
-                raise ConfigError(
-                    f"branch.fixes = {self.branch.fixes} has no effect with branch.leaves = 1: "
-                    "set branch.leaves to 2, 3 or 4, or branch.fixes=1"
-                )
-            return
-        if self.robot.feedback_time is not None:
-            raise ConfigError(
-                f"branch.leaves = {self.branch.leaves}: a robot with robot.feedback_time always knows its "
-                "position and needs no branches; set robot.feedback_time=null or branch.leaves=1"
-            )
-        needs = {"law": "coherent", "judge": "flights", "refine": "sampled"}
-        for name, value in needs.items():
-            if (found := getattr(self.fidelity, name)) != value:
-                raise ConfigError(
-                    f"branch.leaves = {self.branch.leaves} needs fidelity.{name}={value}, got {found}: take "
-                    "fidelity=full, or branch.leaves=1"
-                )
-
-    @property
-    def border(self) -> str:
-        """``wall`` if leaving the map is a failure, else ``open``; a map file may set it differently."""
-        return self.fidelity.border if self.scene.border == "auto" else self.scene.border
-
-    @classmethod
-    def of(cls, sections: Mapping[str, Any]) -> Settings:
-        """Settings of ``sections``: mappings of keys, names of choices in ``conf/``, or settings objects."""
-        from pareto_ltl.settings.building import build_settings
-
-        return build_settings(sections)
-
-    @classmethod
-    def of_values(cls, values: Mapping[str, Any]) -> Settings:
-        """Settings of keys and values alone; each section is a mapping of its keys."""
-        from pareto_ltl.settings.building import settings_of
-
-        return settings_of(values)
-
-    @classmethod
-    def of_file(cls, path: Path, changes: Mapping[str, Any] | None = None) -> Settings:
-        """The settings that a run wrote as ``config_resolved.yaml``, with ``changes`` by ``section.key``."""
-        from pareto_ltl.settings.building import read_settings_file
-
-        return read_settings_file(path, changes)
-
-    @staticmethod
-    def unknown(section: str, name: str, known: Iterable[str]) -> ConfigError:
-        """The error for ``name`` in ``section`` (``"planner."``), with the closest of the ``known`` names."""
-        from pareto_ltl.settings.building import unknown_setting
-
-        return unknown_setting(section, name, known)
-
-    @classmethod
-    def by_key(cls) -> Mapping[str, Setting]:
-        """All settings and sections by their keys, with type, unit, range and meaning."""
-        return _settings_by_key()
-
-    @staticmethod
-    def of_section(name: str, value: Any) -> Any:
-        """The section ``name`` of a mapping of its keys, or of the name of a choice in ``conf/``."""
-        from pareto_ltl.settings.building import section_of
-
-        return section_of(name, value)
-
-    @staticmethod
-    def preset(name: str) -> FidelityConfig:
-        """The section ``fidelity`` of the preset ``name``: ``paper`` or ``full``."""
-        return preset(name)
-
-    def as_yaml(self) -> str:
-        """Every setting, as YAML."""
-        import yaml
-
-        text: str = yaml.safe_dump(asdict(self), sort_keys=False, default_flow_style=None, width=110)
-        return text
-
-    @property
-    def flight_height(self) -> Height:
-        """The height of the flight."""
-        return flight_height(self)
-
-    def flight_air(self, height: Height | None = None) -> FlownAir | None:
-        """The air at ``height``, by default the height of the flight; None in water."""
-        return flight_air(self, flight_height(self) if height is None else height)
-
-    @property
-    def medium(self) -> Medium:
-        """Water for a current, whose level may lack the word depth, and for a robot at a depth; else air."""
-        kind = wind_sources().get(self.wind.source)
-        current = kind is not None and kind.current
-        return WATER if current else medium_of(self.robot.level, self.wind.level)
-
-
-@lru_cache
-def _settings_by_key() -> dict[str, Setting]:
-    return {one.key: one for one in settings_below(Settings)}
+        return Settings

@@ -6,21 +6,26 @@ The result is the same :class:`Settings` that the command line composes from the
 from __future__ import annotations
 
 import difflib
+import re
 import typing
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.settings import PRESETS, FidelityConfig, Settings, preset
+from pareto_ltl.settings import PRESETS, FidelityConfig, preset
 from pareto_ltl.settings.checks import field_kinds, kind_problem
-from pareto_ltl.settings.fidelity import ONLY_PARENTS
-from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl.support.errors import ConfigError, DataError, ParetoLtlError
 from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.resources import choice_file, choices
 from pareto_ltl.support.yaml_files import read_yaml
+
+if TYPE_CHECKING:
+    from pareto_ltl.settings import Settings
+
+SETTING_NAME = re.compile(r"\b([a-z_]+)\.([a-z_0-9]+)\b")  # in a message: planner.epsilon
 
 
 def build_settings(sections: Mapping[str, Any]) -> Settings:
@@ -59,22 +64,47 @@ def settings_of(values: Mapping[str, Any]) -> Settings:
 
     The errors are the same as in :func:`build_settings`.
     """
+    from pareto_ltl.settings import Settings
+
     built = _record(Settings, values, "")
     assert isinstance(built, Settings)
     return built
 
 
-GONE = {"ablation.parents": ONLY_PARENTS}  # settings of earlier versions, and why they left
-
-
 def unknown_setting(section: str, name: str, known: Iterable[str]) -> ConfigError:
     """The error for ``name`` in ``section`` (``"planner."``), with the closest of the ``known`` names."""
-    if reason := GONE.get(f"{section}{name}"):
+    if reason := _gone().get(f"{section}{name}"):
         return ConfigError(f"{section}{name} is no setting any more: {reason}; leave it out")
     names = list(dict.fromkeys(known))  # sweep is a group and a section
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {section}{near[0]}?" if near else f"there are {', '.join(names)}"
     return ConfigError(f"unknown setting {shown_text(f'{section}{name}')}; {hint}")
+
+
+@contextmanager
+def python_spelling() -> Iterator[None]:
+    """Add a note to an error that names settings: how a caller in Python gives them."""
+    try:
+        yield
+    except ParetoLtlError as error:
+        if arguments := python_arguments(str(error)):
+            error.add_note(f"in Python: pareto_ltl.plan(..., {arguments})")
+        raise
+
+
+def python_arguments(message: str) -> str:
+    """The settings that a message names, as arguments of ``pareto_ltl.plan``; empty if it names none.
+
+    The formula, which is its second argument, is left out.
+    """
+    from pareto_ltl.settings import Settings
+
+    kinds, sections = field_kinds(Settings), dict[str, dict[str, None]]()
+    for section, key in SETTING_NAME.findall(message):
+        known = getattr(kinds.get(section), "__dataclass_fields__", ())
+        if key in known and (section, key) != ("mission", "formula"):
+            sections.setdefault(section, {})[f'"{key}": ...'] = None
+    return ", ".join(f"{section}={{{', '.join(keys)}}}" for section, keys in sections.items())
 
 
 def read_settings_file(path: Path, changes: Mapping[str, Any] | None = None) -> Settings:
@@ -83,7 +113,7 @@ def read_settings_file(path: Path, changes: Mapping[str, Any] | None = None) -> 
     What earlier versions wrote about the models of trees is left out. DataError if the file is damaged.
     """
     content = _yaml(path)
-    for key in (*GONE, "fidelity.parents"):
+    for key in _gone():
         section, _, name = key.partition(".")
         if isinstance(content.get(section), dict):
             content[section].pop(name, None)
@@ -93,6 +123,14 @@ def read_settings_file(path: Path, changes: Mapping[str, Any] | None = None) -> 
             raise DataError(f"{path}: {section} must be keys and values, found {shown_value(before)}")
         content[section] = before | {name: value}
     return build_settings(content)
+
+
+def _gone() -> dict[str, str]:
+    """Settings of earlier versions, and why they left."""
+    from pareto_ltl.settings import Settings
+
+    sections = (one for one in Settings.by_key().values() if one.is_section)
+    return {f"{one.key}.{name}": reason for one in sections for name, reason in one.kind.gone.items()}
 
 
 def section_of(section: str, value: Any) -> Any:
@@ -111,6 +149,8 @@ def _value(section: str, value: Any) -> Any:
     Values of ``fidelity`` override its preset, values of ``wind`` the choice of its source, which has other
     bounds for a current than for a wind.
     """
+    from pareto_ltl.settings import Settings
+
     schema = field_kinds(Settings).get(section)
     if isinstance(value, str) and is_dataclass(schema):
         return choice_values(section, value)

@@ -9,18 +9,22 @@ from __future__ import annotations
 import math
 import re
 import typing
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import deepcopy
-from dataclasses import Field, dataclass, field, fields, is_dataclass
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from datetime import datetime
 from functools import lru_cache
 from numbers import Integral, Real
 from types import NoneType, UnionType
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import extension_names
 from pareto_ltl.support.messages import shown_value, wrong_value
+
+if TYPE_CHECKING:
+    from pareto_ltl.settings import Settings
+    from pareto_ltl.support.levels import Level
 
 KIND_TEXTS = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
 ITEM_TEXTS = {int: "whole numbers", float: "numbers", str: "texts"}
@@ -181,19 +185,10 @@ def interval_ends(text: str) -> tuple[float, float]:
 
 def setting(default: Any, meaning: str, within: str = "", **more: Any) -> Any:
     """A dataclass field with a default; the others are the attributes of :class:`Declaration`."""
-    return _declared_field(default, Declaration(meaning, within, **more))
-
-
-def other_default(section: type[CheckedSettings], name: str, default: Any) -> Any:
-    """The setting ``name`` of ``section`` with another default, for a section that is a preset of it."""
-    declared = next(declared for item, declared in declarations(section) if item.name == name)
-    return _declared_field(default, declared)
-
-
-def _declared_field(default: Any, declared: Declaration) -> Any:
+    metadata = {DECLARED: Declaration(meaning, within, **more)}
     if isinstance(default, list | dict):
-        return field(default_factory=lambda: deepcopy(default), metadata={DECLARED: declared})
-    return field(default=default, metadata={DECLARED: declared})
+        return field(default_factory=lambda: deepcopy(default), metadata=metadata)
+    return field(default=default, metadata=metadata)
 
 
 def declarations(section: Any) -> Iterator[tuple[Field[Any], Declaration]]:
@@ -254,12 +249,33 @@ class CheckedSettings:
     """Base of all sections of the settings; ``section`` is the key on the command line.
 
     Construction raises :class:`ConfigError` if a value has the wrong type or is out of range.
+
+    Attributes
+    ----------
+    after : str
+        Of a section that another package adds: the section of the planner behind which it stands. Empty:
+        behind the section before it in its table; the first one stands at the end.
+    acts : mapping of str to str
+        Settings that open a connection or continue another run unless they are null, and what they do.
+    gone : mapping of str to str
+        Settings of earlier versions, and why they left.
+    result : bool
+        Whether a result can depend on the section.
     """
 
     section: ClassVar[str] = ""
+    after: ClassVar[str] = ""
+    acts: ClassVar[Mapping[str, str]] = {}
+    gone: ClassVar[Mapping[str, str]] = {}
+    result: ClassVar[bool] = True
 
-    def __init_subclass__(cls, section: str = "") -> None:
-        cls.section = section
+    @classmethod
+    def declared(cls, name: str) -> Declaration:
+        """The declaration of the setting ``name``."""
+        return next(declared for item, declared in declarations(cls) if item.name == name)
+
+    def __init_subclass__(cls, section: str = "", after: str = "") -> None:
+        cls.section, cls.after = section, after
 
     def __post_init__(self) -> None:
         kinds: dict[str, Any] = field_kinds(type(self))  # type: ignore[arg-type]  # classes have a hash
@@ -274,6 +290,16 @@ class CheckedSettings:
 
     def check_combinations(self) -> None:
         """Raise ConfigError for values that contradict each other, or for a list of the wrong shape."""
+
+    def complete(self, settings: Settings) -> None:
+        """Set what other sections of ``settings``, which all exist, leave open to this one."""
+
+    def stated_height(self) -> tuple[str, Level] | None:
+        """The height of the flight, if the section states it: ``key=value``, and the level."""
+
+    def inert(self) -> Self:
+        """The section without what opens a connection or continues another run."""
+        return replace(self, **dict.fromkeys(self.acts))  # type: ignore[type-var]
 
 
 def check_value(key: str, value: Any, declared: Declaration) -> None:
@@ -312,12 +338,6 @@ def check_matrix(key: str, value: Any) -> None:
     """Raise :class:`ConfigError` unless ``value`` is a 2 x 2 matrix of finite numbers."""
     if not are_pairs(value) or len(value) != 2:
         raise wrong_value(key, "be a 2 x 2 matrix of numbers", value)
-
-
-def check_outline(key: str, value: Any) -> None:
-    """Raise :class:`ConfigError` unless ``value`` is a list of pairs of finite numbers."""
-    if not are_pairs(value):
-        raise wrong_value(key, "be a list of [longitude, latitude] in degrees", value)
 
 
 def check_time(key: str, text: str | None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 from pareto_ltl.settings.checks import CheckedSettings, setting
 from pareto_ltl.support.errors import ConfigError
@@ -13,7 +14,6 @@ BORDERS = ("open", "wall")
 MISSION_BOUNDS = ("theorem2", "ordered")
 COLLISION_BOUNDS = ("step", "path")
 PARENTS = "dominance"
-ONLY_PARENTS = "trees of every preset grow by the paper's models and choose parents by Eqs. (11) and (12)"
 REFINEMENTS = ("none", "convex", "sampled")
 JUDGES = ("bound", "flights")
 
@@ -34,6 +34,10 @@ _USUAL = PRESETS[DEFAULT]
 @dataclass
 class FidelityConfig(CheckedSettings, section="fidelity"):
     """The models that plans are made with; fidelity=NAME sets all of them, and each can be set alone."""
+
+    gone: ClassVar = {
+        "parents": "trees of every preset grow by the paper's models and choose parents by Eqs. (11) and (12)"
+    }
 
     name: str = setting(
         DEFAULT, "preset that sets the defaults of the settings below", choices=tuple(PRESETS)
@@ -63,8 +67,9 @@ class FidelityConfig(CheckedSettings, section="fidelity"):
     def check_combinations(self) -> None:
         """Refuse the parent rules of earlier versions."""
         if self.parents != PARENTS:
+            reason = self.gone["parents"]
             raise ConfigError(
-                f"fidelity.parents={shown_text(self.parents)} is no rule: {ONLY_PARENTS}; leave it out"
+                f"fidelity.parents={shown_text(self.parents)} is no rule: {reason}; leave it out"
             )
 
     @property

@@ -125,9 +125,8 @@ def level_height(level: Level, stated: bool = True) -> Height:
 def flight_height(settings: Settings) -> Height:
     """The height of the flight; without a setting that states it, the level of the wind.
 
-    ``robot.level``, ``scene.altitude`` and ``exports.altitude`` state the same height. ``scene.altitude`` is
+    ``robot.level``, ``scene.altitude`` and sections of other packages state the same height. The second is
     above mean sea level, or above ground with a ``robot.level`` above ground; below 0 it is a depth.
-    ``exports.altitude`` is above the ground of the start.
 
     Raises
     ------
@@ -149,7 +148,7 @@ def flight_height(settings: Settings) -> Height:
 
 def _stated(settings: Settings) -> list[tuple[str, Height]]:
     """The settings that state a height, as ``key=value``, and the heights."""
-    robot, scene, exports = settings.robot.level, settings.scene.altitude, settings.exports.altitude
+    robot, scene = settings.robot.level, settings.scene.altitude
     stated = []
     if robot:
         stated.append((f"robot.level={robot}", level_height(parse_level(robot, "robot.level"))))
@@ -157,10 +156,8 @@ def _stated(settings: Settings) -> list[tuple[str, Height]]:
         grounded = bool(stated) and not stated[0][1].above_sea
         kind = DEPTH if scene < 0.0 else HEIGHT if grounded else ALTITUDE
         stated.append((f"scene.altitude={scene:g}", level_height(Level(kind, abs(scene)))))
-    if exports is not None:
-        kind = DEPTH if exports < 0.0 else HEIGHT
-        stated.append((f"exports.altitude={exports:g}", level_height(Level(kind, abs(exports)))))
-    return stated
+    further = filter(None, (section.stated_height() for section in settings.sections()))
+    return stated + [(words, level_height(level)) for words, level in further]
 
 
 def _as_above(height: Height, other: Height, settings: Settings) -> float:

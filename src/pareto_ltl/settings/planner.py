@@ -1,4 +1,4 @@
-"""Settings of the automaton, the search trees, smoothing and the choice of a plan."""
+"""Settings of the automaton, the trees, smoothing, the choice of a plan, its flights, and the stages."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from pareto_ltl.settings.checks import CheckedSettings, is_finite, setting
+from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import COST_GROUP, SELECTION_RULE_GROUP
 from pareto_ltl.support.messages import shown_value, wrong_value
@@ -229,3 +230,18 @@ class SelectionConfig(CheckedSettings, section="selection"):
             if not all(isinstance(item, str | bool) or is_finite(item) for item in items):
                 kinds = "be a finite number, a text, true or false, or a list of these"
                 raise wrong_value(f"selection.options.{name}", kinds, value)
+
+
+@dataclass
+class DeploymentConfig(CheckedSettings, section="deployment"):
+    """Simulated flights of the plan."""
+
+    runs: int = setting(500, "flights simulated under each wind law", "[1, 1e8]")
+    laws: list[str] = setting(list(LAWS), "wind laws that are simulated", choices=LAWS, distinct=True)
+
+
+@dataclass
+class PipelineConfig(CheckedSettings, section="pipelines"):
+    """The stages of a run."""
+
+    stages: list[str] = setting([], "stages in the order in which they run")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from pareto_ltl.settings.checks import CheckedSettings, check_time, setting
 from pareto_ltl.support.errors import ConfigError
@@ -92,6 +92,7 @@ GP_KERNELS = ("matern12", "matern32", "rbf")
 class WindConfig(CheckedSettings, section="wind"):
     """Wind readings, the Gaussian process that is fitted to them, and the modes of its error."""
 
+    acts: ClassVar = {"base_url": "download from {}"}
     source: str = setting("sample", "where readings come from", kinds=wind_sources, group=WIND_SOURCE_GROUP)
     path: str | None = setting(None, "file, folder or pattern, for the sources that read files")
     kernel: str = setting("matern12", "kernel of the Gaussian process", choices=GP_KERNELS)

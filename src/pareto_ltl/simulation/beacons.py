@@ -24,6 +24,7 @@ from pareto_ltl.simulation.judging import which_fail
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.machine import on_all_cores
+from pareto_ltl.support.seeds import unspawned
 
 ALONG = 48  # places along the path
 ASIDE = (0.0, -0.8, 0.8, -1.6, 1.6)  # standard deviations to the left of the path of the places at a step
@@ -106,7 +107,7 @@ class BeaconMap:
             If the robot of these settings takes no position fixes.
         """
         places = beacon_places(problem, path, radius)
-        search, judge, again = seed.spawn(3)
+        search, judge, again = unspawned(seed).spawn(3)
         marks: list[FloatArray] = []
         marked = with_landmarks(problem, robot, [disc(places.at[0], radius)])
         drawn, others = (

@@ -21,7 +21,7 @@ from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.simulation.robot_errors import draw_errors, erring_pilot
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.machine import on_all_cores
-from pareto_ltl.support.seeds import later_child
+from pareto_ltl.support.seeds import later_child, unspawned
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +173,7 @@ def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> D
 
     Flights are drawn block by block, so that the whole blocks of fewer flights are the first of more.
     """
-    wind, start, fixes = seed.spawn(3)
+    wind, start, fixes = unspawned(seed).spawn(3)
     blocks = sim.block_rows(runs)
 
     def drawn_block(rows: slice, child: SeedSequence) -> Any:

@@ -13,6 +13,7 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.seeds import unspawned
 
 BLOCK = 1000  # flights that are drawn together: their winds fill the memory
 
@@ -43,7 +44,7 @@ class TreeFlights:
     @classmethod
     def drawn(cls, problem: Problem, runs: int, seed: SeedSequence) -> TreeFlights:
         """``runs`` flights in the winds of the law of ``problem``."""
-        winds, fixes = seed.spawn(2)
+        winds, fixes = unspawned(seed).spawn(2)
         rng = np.random.default_rng(fixes)
         pairs = [(rng.standard_normal((runs, 2)), rng.random(runs)) for _ in range(LEVELS)]
         noise, luck = (np.stack(part, axis=1) for part in zip(*pairs, strict=True))
@@ -169,7 +170,7 @@ def fly_tree(
     blocks = [min(BLOCK, runs - first) for first in range(0, runs, BLOCK)]
     parts = [
         fly_branches(TreeFlights.drawn(problem, size, child), trunk.u, branching)
-        for size, child in zip(blocks, seed.spawn(len(blocks)), strict=True)
+        for size, child in zip(blocks, unspawned(seed).spawn(len(blocks)), strict=True)
     ]
     return TreeOutcome(
         np.concatenate([part.branch for part in parts]),

@@ -38,7 +38,9 @@ class Displayed:
     def plot(self, **options: Any) -> Any:
         """Draw the record; returns a ``Drawing``, which a notebook shows.
 
-        Its method ``save`` writes a file; its attribute ``figure`` is the matplotlib figure.
+        Its method ``save`` writes a file; its attribute ``figure`` is the matplotlib figure. With ``ax``, the
+        record is drawn on these axes of matplotlib, which are returned. ``scene`` is the map below it;
+        docs/api.md lists the options of each record.
         """
         return installed_object(INTERFACE_GROUP, "draw")(self, **options)
 

@@ -2,6 +2,7 @@
 
 ``pareto_ltl.stages``           a ``Record`` that pipelines can list (``run/record.py``)
 ``pareto_ltl.stage_tables``     a tuple of such records, which every pipeline knows: stages of applications
+``pareto_ltl.settings``         a tuple of sections of the settings (``CheckedSettings``)
 ``pareto_ltl.interface``        a function or class that ``pareto_ltl`` gives under that name
 ``pareto_ltl.formats``          what reads the files of others: ``maps``, ``winds``, ``automata``
 ``pareto_ltl.commands``         the command line, ``pareto-ltl``
@@ -33,13 +34,13 @@ Kind = TypeVar("Kind")
 STAGE_GROUP = "pareto_ltl.stages"
 FORMAT_GROUP = "pareto_ltl.formats"
 STAGE_TABLE_GROUP = "pareto_ltl.stage_tables"
+SETTINGS_GROUP = "pareto_ltl.settings"
 INTERFACE_GROUP = "pareto_ltl.interface"
 COMMAND_GROUP = "pareto_ltl.commands"
 WIND_SOURCE_GROUP = "pareto_ltl.wind_sources"
 PATTERN_GROUP = "pareto_ltl.patterns"
 SELECTION_RULE_GROUP = "pareto_ltl.selection_rules"
 COST_GROUP = "pareto_ltl.costs"
-EXPORT_GROUP = "pareto_ltl.exports"
 CONF_GROUP = "pareto_ltl.conf"
 
 
@@ -104,9 +105,9 @@ def load_extension(group: str, name: str, expected: Callable[[Any], bool]) -> An
     return loaded
 
 
-def load_all(group: str) -> list[Any]:
-    """The objects of all entry points of ``group``, by name; ConfigError if one does not load."""
-    return [load_extension(group, name, lambda _: True) for name in sorted(installed_entries(group))]
+def load_all(group: str, expected: Callable[[Any], bool] = lambda _: True) -> list[Any]:
+    """The objects of all entry points of ``group``, by name; errors as in :func:`known_kind`."""
+    return [load_extension(group, name, expected) for name in sorted(installed_entries(group))]
 
 
 def installed_object(group: str, name: str) -> Any:

@@ -67,7 +67,7 @@ def code_fingerprint(*names: str, without: tuple[str, ...] = ()) -> str:
         If there is no module or package of such a name.
     """
     left_out = {source for name in without for source in _source_files(name)}
-    ours = (f"{pattern}/__init__.py" for pattern in ("ltlf", "pareto_ltl*", "typed_kernels"))
+    ours = (f"{pattern}/__init__.py" for pattern in ("ltlf", "pareto_ltl*", "plane_kernels", "typed_kernels"))
     wanted = names or sorted(place.parent.name for pattern in ours for place in SOURCES.glob(pattern))
     sources = {source for name in wanted for source in _source_files(name)} - left_out
     digest = hashlib.sha256()

@@ -107,8 +107,9 @@ def read_map(path: Any, altitude: float | None = None) -> Scene:
     Parameters
     ----------
     path : str, Path, GeoDataFrame or another object with ``__geo_interface__``
-        ``"phi1"`` and the other choices of the group scene are ready maps. Columns of a GeoDataFrame are
-        properties of its features: ``role`` and ``name``.
+        Ready maps are ``"hop"`` (36.7 to 37.3° N, 91.5 to 92.5° W), and ``"phi1"``, ``"phi2"`` and
+        ``"random"`` (32.4 to 41.5° N, 86.0 to 98.0° W). Columns of a GeoDataFrame are properties of its
+        features: ``role`` and ``name``.
     altitude : float, optional
         Height of the flight [m], in the datum of the map: places that are not active there are left out.
 
@@ -122,7 +123,9 @@ def read_map(path: Any, altitude: float | None = None) -> Scene:
     if not hasattr(path, "__geo_interface__"):
         ready = section_of("scene", path) if path in choices("scene") else SceneConfig(file=str(path))
         assert isinstance(ready, SceneConfig)
-        return scene_from_settings(ready if altitude is None else replace(ready, altitude=altitude))
+        if altitude is not None:
+            ready = replace(ready, altitude=altitude)
+        return scene_from_settings(add_random_places(ready))
     if getattr(path, "crs", None) is not None and hasattr(path, "to_crs"):
         path = path.to_crs("EPSG:4326")  # of GeoPandas, in any system
     with TemporaryDirectory(prefix="pareto_ltl_") as folder:

@@ -42,7 +42,7 @@ def run_command_line(argv: Sequence[str]) -> int:
         return 0
     place = _command_place(words)
     if place is None:
-        return _run_settings(words, None, output)
+        return run_reported(lambda: _run_settings(words, None, output), output=output)
     rest = [*words[:place], *words[place + 1 :]]
     if {"--help", "-h"} & {*rest}:  # help is text for people in any form of the output
         output = Output.TEXT

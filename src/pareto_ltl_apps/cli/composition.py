@@ -147,6 +147,10 @@ class ComposedHydra(Hydra):
                 self.composed = super().compose_config(*args, **kwargs)
         return self.composed
 
+    def print_help(self, name: str, arguments: argparse.Namespace) -> None:
+        """Print the output of ``--hydra-help``."""
+        self.hydra_help(name, get_args_parser(), arguments)
+
 
 @contextmanager
 def opened_hydra(arguments: argparse.Namespace) -> Iterator[ComposedHydra]:

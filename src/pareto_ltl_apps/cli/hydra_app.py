@@ -41,6 +41,7 @@ from pareto_ltl_apps.cli.output import (
 )
 from pareto_ltl_apps.cli.setting_keys import CONFIGURATION_ERRORS, explain_error, settings_from
 from pareto_ltl_apps.stopping import ends_process
+from pareto_ltl_apps.studies.settings import SweepConfig
 
 if TYPE_CHECKING:
     from pareto_ltl import Settings
@@ -140,9 +141,7 @@ def _show_configuration(hydra: ComposedHydra, arguments: argparse.Namespace) -> 
     """Print the output of ``--hydra-help``, ``--cfg`` or ``--info``."""
     name = config_name(arguments)
     if arguments.hydra_help:
-        from hydra._internal.utils import get_args_parser
-
-        hydra.hydra_help(name, get_args_parser(), arguments)
+        hydra.print_help(name, arguments)
     elif arguments.cfg:
         hydra.show_cfg(name, arguments.overrides, arguments.cfg, arguments.package, arguments.resolve)
     else:
@@ -295,7 +294,7 @@ class HydraJob:
                 run = Run(checked.settings, directory=directory)
                 metrics.update(checked.complete(run, self.argv, _task_overrides()))
 
-            done = RunJob(directory).do_once(work, resume=checked.settings.sweep.resume)
+            done = RunJob(directory).do_once(work, resume=checked.settings[SweepConfig].resume)
             ended = f"ok in {metrics['run_seconds']:.1f} s" if done else "done already"
             print(f"{reported}: {ended}", flush=True)
         except InfeasibleError:

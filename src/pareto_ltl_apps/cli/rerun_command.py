@@ -19,6 +19,7 @@ from pareto_ltl.support.links import refuse_links_out
 from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.run_status import ending_text
 from pareto_ltl_apps.cli.output import Answer
+from pareto_ltl_apps.formats.settings import IngestConfig
 
 if TYPE_CHECKING:
     from pareto_ltl import Settings
@@ -103,7 +104,8 @@ def _finished_record(directory: Path) -> dict[str, Any]:
 
 def _kept_inside(settings: Settings, place: Path) -> Settings:
     """``settings`` with which a run writes only into ``place``."""
-    return replace(settings, ingest=replace(settings.ingest, out=str(place / Path(settings.ingest.out).name)))
+    ingest = settings[IngestConfig]
+    return settings.with_sections(replace(ingest, out=str(place / Path(ingest.out).name)))
 
 
 def _code_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:

@@ -19,7 +19,9 @@ from pareto_ltl.support.display import (
 )
 from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl_apps.cli.output import Answer, shown_table
+from pareto_ltl_apps.exports.settings import ExportsConfig
 from pareto_ltl_apps.view import PAGE_FILE
+from pareto_ltl_apps.view.settings import ReportConfig
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -80,8 +82,8 @@ def run_answer(
 
 def files_line(settings: Settings, *, drawn: bool) -> str:
     """What the directory of a plan has; ``drawn`` is whether figures and page are there already."""
-    stages, report = settings.pipelines.stages, settings.report
-    exports = "export" in stages and settings.exports.files
+    stages, report = settings.pipelines.stages, settings[ReportConfig]
+    exports = "export" in stages and settings[ExportsConfig].files
     names = "Written: plan, front, trees, wind and flights" + ", and files for maps and autopilots" * exports
     figures = ["figures"] * (report.figures and "report" in stages)
     figures += [PAGE_FILE] * (report.page and "page" in stages)

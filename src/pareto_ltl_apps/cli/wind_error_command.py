@@ -8,7 +8,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pareto_ltl import Settings
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.times import HOUR
@@ -75,10 +74,11 @@ def outline_of(text: str | None) -> list[list[float]] | None:
     ConfigError
         If it is not at least three corners ``longitude,latitude`` of a simple outline.
     """
-    from pareto_ltl.settings.checks import check_outline
+    from pareto_ltl_apps.formats.settings import check_outline
+    from pareto_ltl_apps.studies.settings import ForecastTestConfig
 
     if text is None:
-        return [list(corner) for corner in Settings().forecast_test.area]
+        return [list(corner) for corner in ForecastTestConfig().area]
     if text == EVERYWHERE:
         return None
     with suppress(ValueError):

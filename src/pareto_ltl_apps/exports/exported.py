@@ -27,6 +27,7 @@ from pareto_ltl.support.seeds import unspawned
 from pareto_ltl_apps.exports.branches import ExportedBranch, branch_sentences, exported_branches
 from pareto_ltl_apps.exports.corridor import Corridor, flown_corridor
 from pareto_ltl_apps.exports.navigation_log import NavigationLog, navigation_log
+from pareto_ltl_apps.exports.settings import ExportsConfig
 
 GENERIC, FIXED_WING, MULTIROTOR, SUBMARINE = 0, 1, 2, 12  # MAV_TYPE
 HELD_TIME = 60.0  # robot.feedback_time of an autopilot that holds positions [s]
@@ -174,7 +175,7 @@ def absent_sentence(scene: Scene) -> str:
 def exported_plan(settings: Settings, problem: Problem, plan: Plan, seed: SeedSequence) -> ExportedPlan:
     """The data to export of ``plan``; its map must have a place on Earth."""
     corridor_seed, held_seed = unspawned(seed).spawn(2)
-    cfg, motion = settings.exports, problem.motion
+    cfg, motion = settings[ExportsConfig], problem.motion
     lower, upper = cfg.altitude_lower, cfg.altitude_upper
     height = settings.flight_height
     air = plan.air or settings.flight_air(height)

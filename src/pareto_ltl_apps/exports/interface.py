@@ -11,6 +11,7 @@ from pareto_ltl import DataError, choose
 from pareto_ltl.extend import Planned, planned_run
 from pareto_ltl_apps.exports.exported import exported_plan
 from pareto_ltl_apps.exports.formats import writable_formats, write_exports
+from pareto_ltl_apps.exports.settings import ExportsConfig
 
 
 def export(
@@ -44,16 +45,13 @@ def export(
         If the front has no such path.
     """
     run = planned_run(planned)
-    cfg = replace(
-        run.settings.exports,
-        formats=run.settings.exports.formats if formats is None else list(formats),
-        **settings,
-    )
+    stated = run.settings[ExportsConfig]
+    cfg = replace(stated, formats=stated.formats if formats is None else list(formats), **settings)
     if point is not None:
         run = choose(planned, point=point)
     problem, plan = run.problem, run.plan
     written, reason = writable_formats(cfg.formats, problem.scene, plan.path.t)
     if reason and (formats is not None or not written):
         raise DataError(reason)
-    exported = exported_plan(replace(run.settings, exports=cfg), problem, plan, run.seeds("export"))
+    exported = exported_plan(run.settings.with_sections(cfg), problem, plan, run.seeds("export"))
     return write_exports(exported, written, Path(folder))

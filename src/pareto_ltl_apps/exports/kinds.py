@@ -14,10 +14,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.extensions import EXPORT_GROUP, extension_names, known_kind
+from pareto_ltl.support.extensions import extension_names, known_kind
 
 if TYPE_CHECKING:
     from pareto_ltl_apps.exports.exported import ExportedPlan
+
+EXPORT_GROUP = "pareto_ltl.exports"
 
 
 @dataclass(frozen=True, slots=True)

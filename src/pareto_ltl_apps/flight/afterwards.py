@@ -42,6 +42,7 @@ from pareto_ltl_apps.flight.lines import flows_of
 from pareto_ltl_apps.flight.rules import Event
 from pareto_ltl_apps.flight.telemetry import read_places
 from pareto_ltl_apps.flight.watch import ELLIPSE
+from pareto_ltl_apps.view.settings import ReportConfig
 
 SHARES = (0.5, 0.9, 0.99)  # probabilities of ellipses and areas
 BINS = 10
@@ -113,7 +114,7 @@ def draw_watch(results: Run, folder: Path) -> Path | None:
     if not any(event["event"] in ("status", "end") for event in events):
         return None
     draw = partial(watch_figure, results.scene, results.plan, events, results.settings.medium)
-    return save_figures(folder, results.settings.report, {"follow": draw})[0]
+    return save_figures(folder, results.settings[ReportConfig], {"follow": draw})[0]
 
 
 # --- search area --------------------------------------------------------------------------------

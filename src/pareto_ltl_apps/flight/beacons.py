@@ -13,6 +13,7 @@ from pareto_ltl.extend import BeaconMap, Planned, planned_run
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.files import write_csv, write_text
+from pareto_ltl_apps.view.settings import ReportConfig
 
 STREAM = "beacons"
 RADIUS = 0.02  # of the map's size: default radius
@@ -137,4 +138,4 @@ def write_beacons(run: Run, found: BeaconMap, folder: Path) -> None:
     write_csv(folder / "beacons.csv", header, ((*row, law, found.flights) for row in rows))
     write_text(folder / "beacons.txt", "\n".join(beacon_lines(run, found)) + "\n")
     draw = partial(beacons_figure, run.scene, run.plan, found, run.settings.medium)
-    save_figures(folder, run.settings.report, {"beacons": draw})
+    save_figures(folder, run.settings[ReportConfig], {"beacons": draw})

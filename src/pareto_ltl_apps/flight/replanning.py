@@ -16,7 +16,7 @@ import time as clock
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -47,9 +47,6 @@ from pareto_ltl_apps.flight.rest_of_flight import (
     run_of_the_rest,
     scene_from,
 )
-
-if TYPE_CHECKING:
-    from pareto_ltl_apps.view.figures import Drawing
 
 LOG = logging.getLogger("pareto_ltl.flight.replanning")
 STREAM = "replan"  # stream of the compared flights
@@ -137,7 +134,7 @@ class Replanned(Displayed):
             "advice": self.advice,
         }
 
-    def plot(self, **options: Any) -> Drawing:
+    def plot(self, **options: Any) -> Any:
         """The map with the new plan, and the rest of the old one dashed."""
         from pareto_ltl_apps.view.figures import replanned_drawing
 

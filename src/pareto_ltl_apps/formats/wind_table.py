@@ -9,7 +9,6 @@ import numpy as np
 
 from pareto_ltl import Readings
 from pareto_ltl.extend import WindConfig
-from pareto_ltl.settings import IngestConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.files import write_text
@@ -20,6 +19,7 @@ from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.observations import FEWEST_READINGS
 from pareto_ltl.wind.readings import farthest_points, shared_nodes
 from pareto_ltl_apps.formats.csv_files import write_csv_table
+from pareto_ltl_apps.formats.settings import IngestConfig
 
 NOAA = (
     "US National Oceanic and Atmospheric Administration (NOAA), public domain (17 U.S.C. 105); a selection, "

@@ -36,6 +36,7 @@ from pareto_ltl_apps.flight.newer_wind import in_newer_wind
 from pareto_ltl_apps.preflight.containment import HOUR
 from pareto_ltl_apps.preflight.given_volume import given_area
 from pareto_ltl_apps.preflight.leaving import Area, border_area, leaving_rate
+from pareto_ltl_apps.preflight.settings import LimitsConfig
 
 if TYPE_CHECKING:
     from pareto_ltl.extend import Problem
@@ -174,18 +175,18 @@ def check(
 def _limited(run: Run, limits: Mapping[str, float], wind_limit: float | None) -> Run:
     """``run`` with the limits of the user; ConfigError if there are none."""
     settings = run.settings
-    known = vars(settings.limits)
+    known = vars(settings[LimitsConfig])
     for name in limits:
         if name not in known:
             raise ConfigError(f"limits has no {name}; it has {', '.join(known)}")
-    cfg = replace(settings.limits, **limits)
+    cfg = replace(settings[LimitsConfig], **limits)
     robot = settings.robot if wind_limit is None else replace(settings.robot, wind_limit=wind_limit)
     if robot.wind_limit is None and all(value is None for value in vars(cfg).values()):
         raise ConfigError(
             "check: GO needs a limit of your own; set limits.failure=0.05, limits.containment, "
             "limits.energy, limits.takeoff_wind or robot.wind_limit"
         )
-    return run.with_settings(replace(settings, limits=cfg, robot=robot))
+    return run.with_settings(settings.with_sections(cfg, robot))
 
 
 def _area(run: Run, volume: str | Path | None) -> Area:
@@ -250,12 +251,12 @@ class _Comparison:
             yield Item("forecast", late * HOUR, 0.0, text, passed=False)
         steps = min(len(path.u), len(self.newer.problem.wind.slot))
         winds = [wind_at(self.newer.problem, path.x, k) for k in range(steps)]
-        yield self._wind_item("takeoff_wind", winds[0], 0, settings.limits.takeoff_wind)
+        yield self._wind_item("takeoff_wind", winds[0], 0, settings[LimitsConfig].takeoff_wind)
         worst = max(range(steps), key=lambda k: winds[k][1])
         yield self._wind_item("wind", winds[worst], worst, settings.robot.wind_limit)
         if (energy := self.run.problem.energy) is not None and energy.capacity is not None:
             share = energy.of(path.u, self.run.problem.motion.dt) / energy.capacity
-            limit = settings.limits.energy
+            limit = settings[LimitsConfig].energy
             text = f"uses {100.0 * share:.0f} % of robot.power.capacity{_limit_text(limit, 100.0, ' %')}"
             yield Item("energy", share, limit, text, _keeps(share, limit))
 
@@ -274,7 +275,7 @@ class _Comparison:
     # --- the mission ------------------------------------------------------------------------------
 
     def _mission(self, failure: FailureRate | None, left: FailureRate | None) -> Iterator[Item]:
-        limits, hours = self.run.settings.limits, float(self.run.plan.path.t[-1]) / HOUR
+        limits, hours = self.run.settings[LimitsConfig], float(self.run.plan.path.t[-1]) / HOUR
         if failure is not None:
             text = f"fails {_rate_text(failure)}{_limit_text(limits.failure, 100.0, ' %')}"
             yield Item("failure", failure.high, limits.failure, text, _keeps(failure.high, limits.failure))

@@ -8,6 +8,7 @@ from pathlib import Path
 from pareto_ltl import Run
 from pareto_ltl.support.files import plain_data, write_json, write_text
 from pareto_ltl_apps.preflight.check import Check, check_document, check_lines
+from pareto_ltl_apps.view.settings import ReportConfig
 
 FOLDER = "check"  # in the results directory
 
@@ -25,4 +26,4 @@ def write_check(run: Run, found: Check, folder: Path) -> None:
         *(f"{n}. {reason}" for n, reason in enumerate(found.reasons, 1)),
     ]
     draw = partial(check_figure, found.scene, run.plan, heading, found.drift, found.flown)
-    save_figures(folder, run.settings.report, {"check": draw})
+    save_figures(folder, run.settings[ReportConfig], {"check": draw})

@@ -19,9 +19,11 @@ from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl_apps.exports.degrees import polygon_parts
 from pareto_ltl_apps.exports.formats import holds_pole
 from pareto_ltl_apps.exports.geojson import feature, listed_json
+from pareto_ltl_apps.exports.settings import ExportsConfig
 from pareto_ltl_apps.exports.xml_files import boundary, coordinates_text, element, kml_bytes, style_of
 from pareto_ltl_apps.preflight.containment import HOUR, NOT_COVERED, Containment, Level, floor_sentence
 from pareto_ltl_apps.preflight.leaving import Area
+from pareto_ltl_apps.view.settings import ReportConfig
 
 SCHEMA = "pareto_ltl.containment/1"
 FOLDER = "containment"  # in the results directory
@@ -172,7 +174,7 @@ def write_containment(run: Run, found: Containment, folder: Path, band: Band = N
     from pareto_ltl_apps.view.containment import containment_figure
 
     scene, medium = found.scene, run.settings.medium
-    lower, upper = run.settings.exports.altitude_lower, run.settings.exports.altitude_upper
+    lower, upper = run.settings[ExportsConfig].altitude_lower, run.settings[ExportsConfig].altitude_upper
     usable = scene.crs is not None and scene.frame.utc(found.t) is not None
     if band is not None and not usable:
         raise ConfigError(
@@ -199,7 +201,7 @@ def write_containment(run: Run, found: Containment, folder: Path, band: Band = N
     if levels:
         heading = f"Air for {run.plan.formula}, {found.law} {medium.flows}"
         draw = partial(containment_figure, scene, run.plan, heading, levels, chart, found.floor / found.hours)
-        save_figures(folder, run.settings.report, {"containment": draw})
+        save_figures(folder, run.settings[ReportConfig], {"containment": draw})
     if scene.crs is not None and not holds_pole(scene):
         about = " ".join(lines)
         write_bytes(folder / "volumes.geojson", volumes_geojson(scene, found, about))

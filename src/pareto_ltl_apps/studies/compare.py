@@ -43,7 +43,6 @@ import numpy as np
 
 from pareto_ltl import Run, Settings
 from pareto_ltl.extend import Study
-from pareto_ltl.settings.studies import FACTOR_SECTIONS
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.world.time_step import step_of
@@ -58,6 +57,7 @@ from pareto_ltl_apps.studies.planning import (
     flags,
     pooled_flags,
 )
+from pareto_ltl_apps.studies.settings import FACTOR_SECTIONS, AblationConfig, CompareConfig, EvaluationConfig
 from pareto_ltl_apps.studies.tables import Columns, quartile_columns, quartiles_cell, rate_cell, rate_columns
 from pareto_ltl_apps.view.factors import FACTOR_TITLES
 
@@ -94,11 +94,11 @@ def run_comparison(settings: Settings, world: Run, directory: Path, progress: Pr
     world = planning.with_wind(settings, world)
     real = planning.truth(settings, world)
     planners = {}
-    for name in settings.compare.methods:
+    for name in settings[CompareConfig].methods:
         run, key = method(name, settings, world), ("compare", name, settings.fidelity.label)
         planners[name] = Planner(run, real, key, seeded=name != "calm_shortest")
     flown, found = planning.fly_planners(settings, planners, directory, progress)
-    names, seeds, laws = settings.compare.methods, settings.evaluation.seeds, flown.laws
+    names, seeds, laws = settings[CompareConfig].methods, settings[EvaluationConfig].seeds, flown.laws
     rows = [_method_row(name, law, [found[name, seed] for seed in seeds]) for name in names for law in laws]
     pairs = [_difference(names[0], name, law, found, seeds) for name in names[1:] for law in laws]
     each = [(name, seed, found[name, seed]) for name in names for seed in seeds]
@@ -241,8 +241,8 @@ def _points(row: Columns) -> str:
 
 def levels(settings: Settings) -> Iterator[tuple[str, Any]]:
     """Every (factor, level) of the settings."""
-    for factor in settings.ablation.factors:
-        for level in getattr(settings.ablation, factor):
+    for factor in settings[AblationConfig].factors:
+        for level in getattr(settings[AblationConfig], factor):
             yield factor, level
 
 
@@ -266,14 +266,14 @@ def run_ablation(settings: Settings, world: Run, directory: Path, progress: Prog
         If time steps cannot be divided.
     """
     plain = settings.robot.a == [[1.0, 0.0], [0.0, 1.0]] and settings.robot.feedback_time is None
-    if "dt" in settings.ablation.factors and not plain:
+    if "dt" in settings[AblationConfig].factors and not plain:
         raise ConfigError(
             "ablation.factors contains dt, which divides time steps: this needs robot.a = [[1,0],[0,1]] and "
             "robot.feedback_time = null (they depend on the time step); leave dt out"
         )
     dt = step_of(settings.robot, world.scene, settings.planner.max_steps)
     settings = replace(settings, robot=replace(settings.robot, dt=dt))
-    cfg = settings.evaluation
+    cfg = settings[EvaluationConfig]
     _, found = planning.fly_planners(settings, _planners(settings, world), directory, progress)
     rows = [
         _level_row(settings, name, law, [found[name, seed] for seed in cfg.seeds])
@@ -343,5 +343,5 @@ def _levels_text(settings: Settings, rows: Sequence[Columns]) -> str:
             },
             [row for row in rows if row["factor"] == factor],
         )
-        for factor in settings.ablation.factors
+        for factor in settings[AblationConfig].factors
     )

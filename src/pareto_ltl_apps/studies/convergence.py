@@ -26,6 +26,7 @@ from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl_apps.studies import planning, tables
 from pareto_ltl_apps.studies.parts import Part, Progress, part_key, work_parts
 from pareto_ltl_apps.studies.planning import flags
+from pareto_ltl_apps.studies.settings import ConvergenceConfig, EvaluationConfig
 from pareto_ltl_apps.studies.tables import (
     Columns,
     number_or_nan,
@@ -41,7 +42,7 @@ BY_CREATION = ("swaps", "beta")  # arrays of a tree without a row for each verte
 
 def run_convergence(settings: Settings, world: Run, directory: Path, progress: Progress = None) -> Study:
     """Grow one forest for each seed, and select and fly a plan at every size."""
-    cfg, sizes = settings.evaluation, tuple(sorted(settings.convergence.sizes))
+    cfg, sizes = settings[EvaluationConfig], tuple(sorted(settings[ConvergenceConfig].sizes))
     mine = planning.unsmoothed(settings, n_max=sizes[-1])
     world = planning.with_wind(settings, world)
     run = world.with_settings(mine)
@@ -62,7 +63,7 @@ def convergence_part(context: tuple[Run, Problem], seed: int) -> Columns:
     """One forest at every size, and the time of its first solution; ``context``: the run, the true model."""
     run = context[0].with_seed(seed)
     forest = run.forest
-    sizes = sorted(run.settings.convergence.sizes)
+    sizes = sorted(run.settings[ConvergenceConfig].sizes)
     looks = [_look(run.given(forest=snapshot(forest, n)), context[1], n) for n in sizes]
     spent = sum(tree.seconds for tree in forest.trees)
     rate = sum(map(len, forest.trees)) / spent if spent > 0 else math.nan
@@ -78,7 +79,7 @@ def _look(run: Run, truth: Problem, n: int) -> Columns:
     except InfeasibleError:
         return look | {"planned": False}
     flight = plan.path.u, plan.path.x
-    laws = planning.outcomes(truth, flight, cfg.deployment.runs, cfg.evaluation.laws, cfg.seed)
+    laws = planning.outcomes(truth, flight, cfg.deployment.runs, cfg[EvaluationConfig].laws, cfg.seed)
     found = look | planning.plan_columns(plan, laws)
     return found | {"mission_bound": found["objectives"]["mission_risk"], "front": trade_offs(forest)}
 
@@ -131,7 +132,7 @@ def first_answer(run: Run) -> Columns:
 
 
 def _study(settings: Settings, results: Sequence[Mapping[str, Any]]) -> Study:
-    sizes, cfg = sorted(settings.convergence.sizes), settings.evaluation
+    sizes, cfg = sorted(settings[ConvergenceConfig].sizes), settings[EvaluationConfig]
     volumes = hypervolumes(results)
     rows = [
         _row(n, law, [result["looks"][k] for result in results], volumes[:, k])

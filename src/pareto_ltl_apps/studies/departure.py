@@ -22,7 +22,6 @@ import numpy as np
 from pareto_ltl import Readings, Run, Scene, Settings
 from pareto_ltl.extend import Pipeline, PlannedPath, ProgressBar, Study, UnpricedRun, which_fail
 from pareto_ltl.planning.selection_rules import within_capacity
-from pareto_ltl.settings import DepartureConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.files import plain_data, write_json
@@ -39,6 +38,7 @@ from pareto_ltl_apps.studies.departure_fronts import (
 )
 from pareto_ltl_apps.studies.departure_table import Found, folder_name
 from pareto_ltl_apps.studies.parts import Part, Progress, half_the_cores, part_key, work_parts
+from pareto_ltl_apps.studies.settings import DepartureConfig, EvaluationConfig
 from pareto_ltl_apps.studies.tables import Columns, flags_to_text
 
 STREAM = "departure"  # random stream of the flights that compare starts
@@ -67,7 +67,7 @@ class DepartureContext:
     @property
     def folder(self) -> Path | None:
         """The folder of the results directories of starts; None to write none."""
-        return self.directory / STARTS if self.settings.departure.keep == "all" else None
+        return self.directory / STARTS if self.settings[DepartureConfig].keep == "all" else None
 
 
 def run_departure(settings: Settings, world: Run, directory: Path, progress: Progress = None) -> Study:
@@ -80,7 +80,7 @@ def run_departure(settings: Settings, world: Run, directory: Path, progress: Pro
     InfeasibleError
         If no start has a plan, or none arrives in time.
     """
-    cfg = settings.departure
+    cfg = settings[DepartureConfig]
     times = candidate_starts(cfg, world.readings, settings.mission.start_time)
     context = DepartureContext(settings, world, directory)
     found = _planned_starts(context, times, progress)
@@ -198,7 +198,9 @@ def repeat_seed(seed: int, repeat: int) -> int:
 
 def departure_part(context: DepartureContext, time: float, repeat: int) -> Columns:
     """The front of one start with one seed, its flights and its plan; or why there is no plan."""
-    settings = start_settings(context.settings, time, quick=context.settings.departure.quick, repeat=repeat)
+    settings = start_settings(
+        context.settings, time, quick=context.settings[DepartureConfig].quick, repeat=repeat
+    )
     folder = context.folder if repeat == 0 else None
     try:
         run = world_at(settings, context.world, UnpricedRun if folder is None else Run)
@@ -210,7 +212,7 @@ def departure_part(context: DepartureContext, time: float, repeat: int) -> Colum
     plan, problem = run.plan.path, run.problem
     paths = within_capacity(settings.selection, run.front, problem).paths
     seeds = stage_seeds(context.settings.seed, STREAM)
-    flown = which_fail(problem, paths, settings.departure.flights, seeds)
+    flown = which_fail(problem, paths, settings[DepartureConfig].flights, seeds)
     numbers = run.metrics
     return {
         "planned": True,
@@ -313,7 +315,7 @@ def route_conditions(problem: Any, path: PlannedPath) -> dict[str, float]:
 
 def _planned_starts(context: DepartureContext, times: Sequence[float], progress: Progress) -> Found:
     """Each start planned once; with ``arrive_by``, the latest that arrive in time and later ones."""
-    cfg = context.settings.departure
+    cfg = context.settings[DepartureConfig]
 
     def once(some: Sequence[float], shown: Progress = None) -> Found:
         results = _worked(context, [(time, 0) for time in some], shown)
@@ -341,13 +343,13 @@ def _worked(
     context: DepartureContext, pieces: Sequence[tuple[float, int]], progress: Progress
 ) -> list[Columns]:
     """Results of pairs (departure, number of the seed)."""
-    settings, cfg = context.settings, context.settings.departure
+    settings, cfg = context.settings, context.settings[DepartureConfig]
     parts = []
     for time, repeat in pieces:
         mine = start_settings(settings, time, quick=cfg.quick, repeat=repeat)
         key = part_key(mine, STREAM, settings.seed, cfg.flights, cfg.keep)
         parts.append(Part(f"start-{folder_name(time)}-{repeat}", (time, repeat), key))
-    shared = half_the_cores(settings.evaluation)
+    shared = half_the_cores(settings[EvaluationConfig])
     return work_parts(shared, context.directory, departure_part, context, parts, progress)
 
 
@@ -359,7 +361,7 @@ def _require_one(settings: Settings, found: Found) -> None:
         raise InfeasibleError(
             f"none of the {len(found)} starts has a plan; departure at {iso(time)}: {results[0]['reason']}"
         )
-    if (limit := settings.departure.arrive_by) is None:
+    if (limit := settings[DepartureConfig].arrive_by) is None:
         return
     if not any(tables.on_time(time, results, seconds(limit)) for time, results in planned.items()):
         arrival, time = min(
@@ -373,7 +375,7 @@ def _require_one(settings: Settings, found: Found) -> None:
 
 def _fetch_folders(context: DepartureContext, found: Found) -> None:
     """Copy the directories of starts that an earlier run has planned (``evaluation.resume``)."""
-    resume = context.settings.evaluation.resume
+    resume = context.settings[EvaluationConfig].resume
     if context.folder is None or resume is None:
         return
     for name in (folder_name(time) for time, results in found.items() if results[0]["planned"]):

@@ -14,13 +14,13 @@ import numpy as np
 
 from pareto_ltl import Settings
 from pareto_ltl.extend import Plan, Study
-from pareto_ltl.settings import DepartureConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text, rate_text
 from pareto_ltl.support.files import write_npz
 from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl_apps.studies import departure_fronts, tables
 from pareto_ltl_apps.studies.departure_fronts import NEARLY, Comparison, FlownFront, SeedSpread, rates_at
+from pareto_ltl_apps.studies.settings import DepartureConfig
 from pareto_ltl_apps.studies.tables import Columns, interval_columns, length_cell, markdown_table, rate_cell
 
 Found = dict[float, list[Columns]]  # results of each seed by time of departure [s since 1970]
@@ -120,7 +120,7 @@ def compared_paths(cfg: DepartureConfig, time: float, found: Found) -> list[Extr
 
 def start_rows(settings: Settings, found: Found, comparison: Comparison) -> list[Columns]:
     """A row for each start, in the order of time."""
-    cfg = settings.departure
+    cfg = settings[DepartureConfig]
     in_time = fronts_in_time(cfg, found)
     rows = []
     for time, results in found.items():
@@ -226,7 +226,7 @@ def departure_study(
         | {name: row["metrics"].get(name, NAN) for name in names}
         for row in rows
     ]
-    in_time = fronts_in_time(settings.departure, found)
+    in_time = fronts_in_time(settings[DepartureConfig], found)
     limits = departure_fronts.map_lengths(in_time)
     rates = [rates_of(in_time.get(row["time"], ()), limits) for row in rows]
     lengths = [
@@ -264,7 +264,7 @@ def departures_document(
     settings: Settings, rows: Sequence[Columns], comparison: Comparison, delivered: Delivered, kept: str
 ) -> dict[str, Any]:
     """The content of ``departures.json``; ``kept`` is the folder of the recommended plan."""
-    cfg, best = settings.departure, next(row for row in rows if row["recommended"])
+    cfg, best = settings[DepartureConfig], next(row for row in rows if row["recommended"])
     promise, limits, spread = delivered.plan.promise, comparison.limits, comparison.spread
     ends, others = ("failure", "low", "high"), [time for time in comparison.alike if time != best["time"]]
 
@@ -307,7 +307,7 @@ def departure_text(
     """The recommendation, the table of all starts, and why not another one."""
     limits = comparison.limits
     shown = sorted({0, len(limits) // 2, len(limits) - 1})
-    coarse = ", planned with a coarser front" if settings.departure.quick else ""
+    coarse = ", planned with a coarser front" if settings[DepartureConfig].quick else ""
     table = markdown_table(
         f"Starts{coarse}; ratio: how many times as often a start fails as the best one at equal length, with "
         "an interval that holds for all starts together (95 %); failure at common lengths: interpolated "
@@ -330,8 +330,8 @@ def departure_text(
     why = [f"- {row['departure']}: {row['verdict']}" for row in rows]
     said = [
         recommendation_text(rows, comparison),
-        noise_text(settings.departure, comparison),
-        delivered_text(settings.departure, comparison.recommended, delivered),
+        noise_text(settings[DepartureConfig], comparison),
+        delivered_text(settings[DepartureConfig], comparison.recommended, delivered),
     ]
     return "\n\n".join([*said, table.rstrip("\n"), "**Why, and why not at**", "\n".join(why)]) + "\n"
 

@@ -22,10 +22,10 @@ import numpy as np
 
 from pareto_ltl import Run, Settings
 from pareto_ltl.extend import FidelityConfig, Front, GeoBox, MissionConfig, PlannedPath, Snapshot, Study
-from pareto_ltl.settings import ForecastTestConfig, IngestConfig
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.observations import FIT_RADIUS
+from pareto_ltl_apps.formats.settings import IngestConfig
 from pareto_ltl_apps.formats.snapshots import latest_readings
 from pareto_ltl_apps.formats.wind_table import common_nodes
 from pareto_ltl_apps.studies import calibration, random_missions, strata
@@ -35,6 +35,7 @@ from pareto_ltl_apps.studies.parts import Part, PartWork, Progress, part_key, wo
 from pareto_ltl_apps.studies.planning import fly_seeded
 from pareto_ltl_apps.studies.point_winds import PointWinds
 from pareto_ltl_apps.studies.random_missions import Mission
+from pareto_ltl_apps.studies.settings import EvaluationConfig, ForecastTestConfig, HindcastConfig
 from pareto_ltl_apps.studies.tables import Columns
 from pareto_ltl_apps.wind_errors.full_winds import full_winds
 
@@ -56,19 +57,21 @@ ENDS = ("", "_low", "_high")
 
 def run_forecast_test(settings: Settings, _: Run, directory: Path, progress: Progress = None) -> Study:
     """Plan and fly the missions of ``settings.forecast_test``."""
-    return fly_missions(settings, settings.forecast_test, directory, progress)
+    return fly_missions(settings, settings[ForecastTestConfig], directory, progress)
 
 
 def run_hindcast(settings: Settings, _: Run, directory: Path, progress: Progress = None) -> Study:
     """Plan and fly the missions of ``settings.hindcast``: the same test with ``known=all``."""
-    return fly_missions(settings, settings.hindcast, directory, progress)
+    return fly_missions(settings, settings[HindcastConfig], directory, progress)
 
 
 def fly_missions(settings: Settings, cfg: ForecastTestConfig, directory: Path, progress: Progress) -> Study:
     """Plan ``cfg.missions`` missions and fly them through the full fields."""
     known = known_of_files(settings, cfg, directory)
     known.prepare()
-    return missions_study(known, work_missions(known, mission_part, settings.evaluation.laws, progress))
+    return missions_study(
+        known, work_missions(known, mission_part, settings[EvaluationConfig].laws, progress)
+    )
 
 
 def work_missions(known: KnownWinds, work: PartWork, more: Any, progress: Progress) -> list[dict[str, Any]]:
@@ -78,7 +81,7 @@ def work_missions(known: KnownWinds, work: PartWork, more: Any, progress: Progre
     files = [file_fingerprint(file) for file in known.truth.files]
     base = part_key(settings, cfg.section, inputs, settings.border, more, files)
     todo = [Part(f"mission-{k}", (k,), part_key(settings, base, k)) for k in range(cfg.missions)]
-    return work_parts(settings.evaluation, known.folder, work, known, todo, progress)
+    return work_parts(settings[EvaluationConfig], known.folder, work, known, todo, progress)
 
 
 def known_of_files(settings: Settings, cfg: ForecastTestConfig, directory: Path) -> KnownWinds:
@@ -171,7 +174,7 @@ def mission_settings(
         mission=MissionConfig(formula=task.formula, start_time=task.scene.time_zero),
         robot=replace(settings.robot, dt=dt),
         planner=replace(settings.planner, max_steps=min(settings.planner.max_steps, steps), threads=1),
-        deployment=replace(settings.deployment, laws=list(settings.evaluation.laws)),
+        deployment=replace(settings.deployment, laws=list(settings[EvaluationConfig].laws)),
     )
 
 

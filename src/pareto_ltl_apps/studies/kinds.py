@@ -2,7 +2,7 @@
 
 The function makes the study, of the settings, the records that it needs, the results directory and a function
 for the progress. It imports its module when it is called, since the table is read for every help text.
-``pipelines/`` has the stages of each command, and ``pareto_ltl.settings`` its numbers.
+``pipelines/`` has the stages of each command, and ``settings.py`` its numbers.
 """
 
 from __future__ import annotations
@@ -43,6 +43,10 @@ class StudyKind:
         The sections of settings that its help explains.
     many_missions : bool
         It plans in several processes.
+    words : str
+        What it does, for people who wait; empty: its name.
+    sizes : str
+        A setting that lists sizes of trees, which must fit into memory; may be empty.
     """
 
     name: str
@@ -55,6 +59,8 @@ class StudyKind:
     needs: tuple[str, ...] = WORLD
     drawn_on: tuple[str, ...] = ()
     many_missions: bool = True
+    words: str = ""
+    sizes: str = ""
 
 
 STUDIES: dict[str, StudyKind] = {}
@@ -99,6 +105,7 @@ def comparison(*given: Any) -> Study:
     "bound and simulated failure as the trees grow",
     "convergence.csv", "convergence_seeds.csv", "first_answer.csv",
     figures="study_planners.convergence_figures",
+    sizes="convergence.sizes",
 )  # fmt: skip
 def convergence(*given: Any) -> Study:
     """Trees of several sizes."""
@@ -144,6 +151,7 @@ def forecast_test(*given: Any) -> Study:
     "the mission planned for many departure times, which are compared",
     "departures.csv", "departure_lengths.csv", "departures.json",
     figures="study_departure.departure_figures", needs=("readings", *MAP, "automaton"), drawn_on=MAP,
+    words="Comparing departures",
 )  # fmt: skip
 def departure(*given: Any) -> Study:
     """Departure times."""

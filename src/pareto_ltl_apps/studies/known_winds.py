@@ -10,7 +10,6 @@ import numpy as np
 
 from pareto_ltl import Readings, Run, Scene, Settings, WindField
 from pareto_ltl.extend import Forecast, PlannedPath, Problem, Snapshot, UnpricedRun, with_interpolation_errors
-from pareto_ltl.settings import ForecastTestConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.files import write_text
@@ -19,6 +18,7 @@ from pareto_ltl_apps.formats.snapshots import known_at, latest_readings
 from pareto_ltl_apps.studies import random_missions
 from pareto_ltl_apps.studies.planning import fly_seeded
 from pareto_ltl_apps.studies.random_missions import Mission, Spell, at_times
+from pareto_ltl_apps.studies.settings import EvaluationConfig, ForecastTestConfig
 from pareto_ltl_apps.studies.tables import Columns
 
 NORMAL_90 = 1.6448536269514722  # P(|z| <= this) = 0.9 for a standard normal z
@@ -219,7 +219,7 @@ class AllWinds(KnownWinds):
     def promised(self, run: Run, paths: Iterable[PlannedPath], seed: int) -> list[dict[str, float]]:
         """V + R and the share of failures with ``fidelity=full`` under each law, and f_o + R."""
         full = replace(run.settings, fidelity=Settings.preset("full"))
-        laws = self.settings.evaluation.laws
+        laws = self.settings[EvaluationConfig].laws
         model = UnpricedRun(full, {"scene": run.scene}).problem
         promises = []
         for path in paths:

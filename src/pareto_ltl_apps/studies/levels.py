@@ -46,6 +46,7 @@ from pareto_ltl_apps.studies.departure_table import (
     ratio_text,
 )
 from pareto_ltl_apps.studies.parts import Part, Progress, half_the_cores, part_key, work_parts
+from pareto_ltl_apps.studies.settings import EvaluationConfig, LevelsConfig
 from pareto_ltl_apps.studies.tables import Columns, interval_columns, length_cell, markdown_table, rate_cell
 
 STREAM = "levels"  # random stream of the flights that compare levels
@@ -89,7 +90,7 @@ def run_levels(settings: Settings, world: Run, directory: Path, progress: Progre
     InfeasibleError
         If no level has a plan.
     """
-    cfg = settings.levels
+    cfg = settings[LevelsConfig]
     starts = [None] if not cfg.starts else sorted({seconds(text) for text in cfg.starts})
     candidates = tuple(Candidate(level, start) for level in cfg.levels for start in starts)
     if len(candidates) < 2:
@@ -144,7 +145,7 @@ def level_settings(settings: Settings, candidate: Candidate, repeat: int = 0) ->
         robot=replace(settings.robot, level=candidate.level),
         pipelines=replace(settings.pipelines, stages=list(STAGES)),
     )
-    if not settings.levels.quick:
+    if not settings[LevelsConfig].quick:
         return mine
     quicker = quick_settings(mine)
     return replace(quicker, selection=replace(mine.selection, runs=min(mine.selection.runs, QUICK_RUNS)))
@@ -165,7 +166,9 @@ def level_part(context: LevelsContext, number: float, repeat: int) -> Columns:
         return {"planned": False, "data": False, "reason": str(error)}
     problem, path = run.problem, run.plan.path
     paths = within_capacity(settings.selection, run.front, problem).paths
-    flown = which_fail(problem, paths, settings.levels.flights, stage_seeds(context.settings.seed, STREAM))
+    flown = which_fail(
+        problem, paths, settings[LevelsConfig].flights, stage_seeds(context.settings.seed, STREAM)
+    )
     numbers = run.metrics
     return {
         "planned": True,
@@ -183,7 +186,7 @@ def climb_energy(settings: Settings, height: float) -> float:
 
     The descent gives none of it back.
     """
-    cfg = settings.levels
+    cfg = settings[LevelsConfig]
     if cfg.mass is None or settings.robot.power.kind == "none":
         return NAN
     return cfg.mass * GRAVITY * max(height, 0.0) / cfg.climb_efficiency
@@ -198,10 +201,12 @@ def _worked(
     for number, repeat in pieces:
         candidate = context.candidates[int(number)]
         start = "" if candidate.start is None else iso(candidate.start)
-        key = part_key(settings, STREAM, asdict(settings.levels), candidate.level, start, repeat)
+        key = part_key(settings, STREAM, asdict(settings[LevelsConfig]), candidate.level, start, repeat)
         name = "".join(letter for letter in f"{candidate.level}{start}" if letter.isalnum())
         parts.append(Part(f"level-{name}-{repeat}", (number, repeat), key))
-    return work_parts(half_the_cores(settings.evaluation), directory, level_part, context, parts, progress)
+    return work_parts(
+        half_the_cores(settings[EvaluationConfig]), directory, level_part, context, parts, progress
+    )
 
 
 # --- the table -------------------------------------------------------------------------------
@@ -211,7 +216,7 @@ def level_rows(
     settings: Settings, candidates: Sequence[Candidate], found: Found, comparison: Comparison
 ) -> list[Columns]:
     """A row for each candidate, in the order of the settings."""
-    fronts, rows = _fronts(settings.levels.flights, found), []
+    fronts, rows = _fronts(settings[LevelsConfig].flights, found), []
     for number, results in found.items():
         result, candidate = results[0], candidates[int(number)]
         path = planned_path(results) if result["planned"] else {}
@@ -262,7 +267,7 @@ def _ratio_of(row: Columns) -> str:
 
 def levels_study(settings: Settings, rows: list[Columns], comparison: Comparison, found: Found) -> Study:
     """Tables, numbers and text."""
-    fronts = _fronts(settings.levels.flights, found)
+    fronts = _fronts(settings[LevelsConfig].flights, found)
     limits = departure_fronts.map_lengths(fronts)
     rates = [rates_of(fronts.get(row["key"], ()), limits) for row in rows]
     table = [
@@ -327,7 +332,7 @@ def levels_text(settings: Settings, rows: Sequence[Columns], comparison: Compari
         rows,
     )
     said = [recommendation(rows, comparison)]
-    if settings.levels.mass is None and settings.robot.power.kind != "none":
+    if settings[LevelsConfig].mass is None and settings.robot.power.kind != "none":
         said.append("The energy of the climb is not known: set levels.mass [kg].")
     missing = [f"- {row['name']}: no plan: {row['reason']}" for row in rows if not row["planned"]]
     return "\n\n".join([*said, table.rstrip("\n"), *(["\n".join(missing)] if missing else [])]) + "\n"
@@ -341,8 +346,8 @@ def levels_document(settings: Settings, rows: Sequence[Columns], comparison: Com
     content: dict[str, Any] = plain_data({
         "schema": SCHEMA,
         "law": best["law"],
-        "flights": settings.levels.flights,
-        "quick": settings.levels.quick,
+        "flights": settings[LevelsConfig].flights,
+        "quick": settings[LevelsConfig].quick,
         "lengths_m": comparison.limits,
         "seed_spread": {"sd": spread.sd, "degrees_of_freedom": spread.freedom},
         "recommended": best["name"],

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from pareto_ltl import Run, Settings
-from pareto_ltl.settings import EvaluationConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.files import plain_data, remove_dead_drafts, write_json
 from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
@@ -26,6 +25,7 @@ from pareto_ltl.support.reading import read_json
 from pareto_ltl_apps.studies import cluster
 from pareto_ltl_apps.studies.jobs import KILLED, JobQueue, JobState, StoredJob
 from pareto_ltl_apps.studies.kinds import study_sections
+from pareto_ltl_apps.studies.settings import EvaluationConfig
 
 PARTS_FOLDER = "parts"
 # Sections that parts do not depend on, or that a study adds to its keys itself.
@@ -64,7 +64,7 @@ class Part:
 def part_key(settings: Settings, *more: Any) -> str:
     """Fingerprint of the settings that matter to a plan, of ``more``, of the wind files and of the code."""
     # its seeds are not copied for each part: 3,334 of them took 110 s for 10,002 parts
-    one = replace(settings, evaluation=EvaluationConfig())
+    one = settings.with_sections(EvaluationConfig())
     relevant = {name: value for name, value in asdict(one).items() if name not in OTHER_SECTIONS}
     relevant["planner"].pop("threads")
     inputs = [file_fingerprint(file) for file in sorted(Run(settings).input_files())]

@@ -23,6 +23,7 @@ from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.seeds import stage_seeds
 from pareto_ltl_apps.studies import tables
 from pareto_ltl_apps.studies.parts import Part, Progress, part_key, work_parts
+from pareto_ltl_apps.studies.settings import EvaluationConfig
 from pareto_ltl_apps.studies.tables import Columns
 
 OF_THE_LATTICE = ("origin", "spacing", "times", "until", "ends", "leads", "level", "score", "source")
@@ -56,7 +57,7 @@ def unsmoothed(settings: Settings, **planner: Any) -> Settings:
 
 def truth(settings: Settings, world: Run) -> Problem:
     """The problem in which plans are flown: ``fidelity=full``, all wind laws."""
-    laws = list(settings.evaluation.laws)
+    laws = list(settings[EvaluationConfig].laws)
     real = replace(
         settings, fidelity=Settings.preset("full"), deployment=replace(settings.deployment, laws=laws)
     )
@@ -129,7 +130,7 @@ def fly_planners(
     settings: Settings, planners: Mapping[Any, Planner], directory: Path, progress: Progress
 ) -> tuple[FlownPlanners, Results]:
     """Plan with every planner and seed and fly all plans; a planner of several words is named by a tuple."""
-    cfg = settings.evaluation
+    cfg = settings[EvaluationConfig]
     flown = FlownPlanners(planners, settings.deployment.runs, tuple(cfg.laws))
     pairs, todo = [(name, seed) for seed in cfg.seeds for name in planners], []
     for name, seed in pairs:

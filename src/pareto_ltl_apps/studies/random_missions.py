@@ -16,7 +16,6 @@ from numpy.random import Generator, SeedSequence
 
 from pareto_ltl import Readings, Scene, WindField
 from pareto_ltl.extend import Frame, WindConfig
-from pareto_ltl.settings import ForecastTestConfig
 from pareto_ltl.support.arrays import FloatArray, rotate_vectors
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.file_formats import is_data_file
@@ -24,6 +23,7 @@ from pareto_ltl.support.resources import checkout
 from pareto_ltl.support.sphere import wrap_longitude
 from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind import field as lattices
+from pareto_ltl_apps.studies.settings import ForecastTestConfig
 
 REGIONS = ("a", "b", "c")
 TABLES = (".npz", ".nc", ".csv")

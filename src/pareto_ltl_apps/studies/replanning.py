@@ -32,7 +32,6 @@ from pareto_ltl.extend import (
     draw_flights,
 )
 from pareto_ltl.kernels import data as kd
-from pareto_ltl.settings import ReplanningConfig
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, length_of
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
@@ -48,6 +47,7 @@ from pareto_ltl_apps.studies import forecast_test
 from pareto_ltl_apps.studies.known_winds import DepartureWinds
 from pareto_ltl_apps.studies.parts import Part, Progress, half_the_cores, part_key, work_parts
 from pareto_ltl_apps.studies.random_missions import Mission
+from pareto_ltl_apps.studies.settings import EvaluationConfig, ForecastTestConfig, ReplanningConfig
 from pareto_ltl_apps.studies.tables import Columns, interval_columns, markdown_table, rate_cell, rate_columns
 
 LOG = logging.getLogger("pareto_ltl.studies.replanning")
@@ -112,7 +112,7 @@ class ReplanningContext:
 
 def run_replanning(settings: Settings, world: Run, directory: Path, progress: Progress = None) -> Study:
     """Fly the plan ``settings.replanning.flights`` times in each way."""
-    cfg = settings.replanning
+    cfg = settings[ReplanningConfig]
     run = world.with_settings(settings)
     run.make("wind")
     plan, problem = run.plan, run.problem
@@ -124,7 +124,7 @@ def run_replanning(settings: Settings, world: Run, directory: Path, progress: Pr
     key = part_key(settings, STREAM, cfg.fixes, cfg.every, cfg.forecasts, cfg.fix_sd, cfg.flights, EFFORT)
     numbers = [(way, i) for i in range(cfg.flights) for way in range(len(ways))]
     todo = [Part(f"flight-{i}-{way}", (way, i), data_fingerprint([key, way, i])) for way, i in numbers]
-    shared = half_the_cores(settings.evaluation)
+    shared = half_the_cores(settings[EvaluationConfig])
     results = work_parts(shared, directory, replanning_part, context, todo, progress)
     flown = {way.name: results[k :: len(ways)] for k, way in enumerate(ways)}
     title = f"The plan in {cfg.flights} true winds of the {winds.law} law, in each of {len(flown)} ways"
@@ -247,7 +247,7 @@ def new_plan(
     departure on, the step at which its plan begins, and the step of the new plan.
     """
     run, u, x, since, step = now
-    settings, sd = context.run.settings, context.run.settings.replanning.fix_sd
+    settings, sd = context.run.settings, context.run.settings[ReplanningConfig].fix_sd
     fixes: tuple[Fix, ...] = ()
     if step in way.fixes:
         there = way.pilot(wind, u, x)[0, step]
@@ -460,8 +460,8 @@ def field_cycle(
 
 def run_replan_test(settings: Settings, _: Run, directory: Path, progress: Progress = None) -> Study:
     """Fly the missions of ``settings.forecast_test`` in the ways of ``settings.replanning``."""
-    cfg, ways = replace(settings.forecast_test, known="departure"), settings.replanning
-    settings = replace(settings, evaluation=half_the_cores(settings.evaluation))
+    cfg, ways = replace(settings[ForecastTestConfig], known="departure"), settings[ReplanningConfig]
+    settings = settings.with_sections(half_the_cores(settings[EvaluationConfig]))
     known = forecast_test.known_of_files(settings, cfg, directory)
     key = [TEST_STREAM, ways.fixes, ways.every, ways.forecasts, ways.fix_sd, EFFORT]
     return missions_study(forecast_test.work_missions(known, mission_part, key, progress))
@@ -478,7 +478,7 @@ def mission_part(known: DepartureWinds, k: int) -> Columns:
         return {"reason": str(error), "flown": {}}
     stream = stage_seeds(settings.seed + k, TEST_STREAM)
     winds = draw_flights(known.reality(run), known.law_of_reality, 1, stream)
-    ways = ways_of(settings.replanning, run)
+    ways = ways_of(settings[ReplanningConfig], run)
     context = ReplanningContext(run, winds, ways, partial(field_cycle, known, task))
     about = {"mission": k, "formula": task.formula, "departure": task.scene.time_zero}
     about |= {"situation": task.situation}

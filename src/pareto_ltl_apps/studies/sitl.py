@@ -17,7 +17,6 @@ from numpy.random import SeedSequence
 from pareto_ltl import Run, Settings
 from pareto_ltl.extend import Deployment, Frame, Plan, Problem, Study
 from pareto_ltl.kernels import flight as kernel
-from pareto_ltl.settings import SitlConfig
 from pareto_ltl.simulation import flights
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import rate_text
@@ -28,6 +27,7 @@ from pareto_ltl_apps.exports.kinds import FORMATS
 from pareto_ltl_apps.studies import aircraft as jsbsim
 from pareto_ltl_apps.studies.aircraft import Air, Orders, Track
 from pareto_ltl_apps.studies.parts import Progress
+from pareto_ltl_apps.studies.settings import SitlConfig
 from pareto_ltl_apps.studies.tables import mcnemar_test, rate_columns
 
 COLUMNS = {"cas": "airspeed_cas_m_s", "tas": "airspeed_tas_m_s"}
@@ -66,7 +66,7 @@ def run_sitl(settings: Settings, world: Run, place: Path, progress: Progress = N
     DataError
         If the plan was not exported as a dead-reckoning table, or the robot has feedback.
     """
-    cfg, problem, plan = settings.sitl, world.problem, world.plan
+    cfg, problem, plan = settings[SitlConfig], world.problem, world.plan
     require_extra("sim", "a flight in JSBSim")
     table = place / TABLE
     if not table.is_file():
@@ -187,7 +187,8 @@ def sitl_study(cfg: SitlConfig, flown: SitlFlights) -> Study:
         }
         for k in range(cfg.flights)
     ]
-    return Study({"sitl": rows}, numbers, sitl_text(numbers, flown.aircraft.law), {"flights": flown})
+    pictures = {"flights": flown, "drawn": cfg.drawn}
+    return Study({"sitl": rows}, numbers, sitl_text(numbers, flown.aircraft.law), pictures)
 
 
 def sitl_text(numbers: dict[str, float], law: str) -> str:

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from importlib import import_module
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pareto_ltl import Run
 from pareto_ltl.extend import Pipeline, Record, UnpricedRun
-from pareto_ltl.settings.outputs import FIGURE_FORMATS
+from pareto_ltl.support.machine import cores
 from pareto_ltl_apps.studies.kinds import STUDIES, StudyKind
+from pareto_ltl_apps.studies.settings import EvaluationConfig
+from pareto_ltl_apps.view.settings import FIGURE_FORMATS, ReportConfig
 
 if TYPE_CHECKING:
+    from pareto_ltl import Settings
     from pareto_ltl.extend import Study
 
 FIGURE_FILES = tuple(f"figures/*.{kind}" for kind in FIGURE_FORMATS)
@@ -21,7 +26,7 @@ STUDY_FILES = "pareto_ltl.run.study:study"
 
 def draw_study(kind: StudyKind, run: Run, study: Study) -> tuple[Path, ...]:
     """The figures of the study; none with ``report.figures=false``."""
-    cfg = run.settings.report
+    cfg = run.settings[ReportConfig]
     if not cfg.figures:
         return ()
     from pareto_ltl_apps.view.axes import save_figures
@@ -32,6 +37,17 @@ def draw_study(kind: StudyKind, run: Run, study: Study) -> tuple[Path, ...]:
     return save_figures(run.place / "figures", cfg, made)
 
 
+def check_size(kind: StudyKind, settings: Settings) -> None:
+    """Raise ConfigError if the trees of the study can never fit into memory."""
+    planner, grown = settings.planner, "forest" in settings.pipelines.stages
+    jobs = 1 if grown else settings[EvaluationConfig].jobs or cores()
+    where = f" in each of {jobs} processes (evaluation.jobs)" if jobs > 1 else ""
+    Pipeline.require_trees(planner, "planner.n_max", planner.n_max, jobs, where)
+    if kind.sizes:
+        largest = max(attrgetter(kind.sizes)(settings))
+        Pipeline.require_trees(planner, kind.sizes, largest, where=where)
+
+
 def stages_of(kind: StudyKind) -> Iterator[Record[Any]]:
     """The stages of a study."""
 
@@ -40,7 +56,10 @@ def stages_of(kind: StudyKind) -> Iterator[Record[Any]]:
         world = UnpricedRun(run.settings, run.make(*kind.needs))
         return kind.make(run.settings, world, run.place, run.progress)
 
-    study = Record(make, kind.name, kind.tables, ("tables.md",), STUDY_FILES, study=kind.many_missions)
+    study = Record(make, kind.name, kind.tables, ("tables.md",), STUDY_FILES, words=kind.words)
+    study.elsewhere = kind.many_missions
+    if kind.many_missions:
+        study.check = partial(check_size, kind)
     yield study
 
     def draw(run: Run) -> tuple[Path, ...]:

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from pareto_ltl import Settings
-from pareto_ltl.settings import ForecastTestConfig
 from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.display import interval_text, probability_text
 from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl_apps.studies import calibration
+from pareto_ltl_apps.studies.settings import ForecastTestConfig
 from pareto_ltl_apps.studies.tables import Columns, markdown_table
 
 # Of the contiguous United States, with their eastern ends [deg].

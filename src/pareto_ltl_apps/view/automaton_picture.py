@@ -78,31 +78,29 @@ def automaton_figure(automaton: Automaton) -> Figure:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    figure = Figure(layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    draw_automaton(axes, automaton)
+    figure.set_size_inches(0.85 * np.ptp(axes.get_xlim()), 0.85 * np.ptp(axes.get_ylim()))
+    axes.set_title(_wrapped_formula(automaton.formula, 90), fontsize=10)
+    return figure
+
+
+def draw_automaton(axes: Axes, automaton: Automaton) -> None:
+    """Draw states as circles and letters on arrows; ValueError for more than ``MAX_DRAWN`` states."""
+    from matplotlib.patches import Circle, FancyArrowPatch
+
     if automaton.n_states > MAX_DRAWN:
         raise ValueError(
             f"{automaton.n_states} states make no readable picture ({MAX_DRAWN} are the limit); write them "
             "as HOA or DOT, or give only the letters that can occur"
         )
-    place = state_positions(automaton)
-    texts = automaton.edge_labels()
+    place, texts = state_positions(automaton), automaton.edge_labels()
     low = place.min(axis=0) - np.array([1.1, 0.9])
     high = place.max(axis=0) + np.array([0.9, 1.3])
-    figure = Figure(figsize=(0.85 * (high[0] - low[0]), 0.85 * (high[1] - low[1])), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    draw_automaton(axes, automaton, place, texts)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
     axes.set_axis_off()
-    axes.set_title(_wrapped_formula(automaton.formula, 90), fontsize=10)
-    return figure
-
-
-def draw_automaton(
-    axes: Axes, automaton: Automaton, place: FloatArray, texts: dict[tuple[int, int], str]
-) -> None:
-    """Draw states as circles at ``place`` (Q, 2) and edges as arrows with ``texts``."""
-    from matplotlib.patches import Circle, FancyArrowPatch
-
     head: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 11, "lw": 1.0}
     for q, (x, y) in enumerate(place):
         colour = (

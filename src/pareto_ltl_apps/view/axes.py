@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator
 
-from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_apps.view import style
+from pareto_ltl_apps.view.settings import ReportConfig
 
 FigureRow = Mapping[str, Any]
 Figures = dict[str, Callable[[], Figure]]  # functions that draw figures, by name

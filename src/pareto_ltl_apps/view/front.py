@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -27,30 +28,49 @@ CHOSEN = style.mark_key("chosen plan", "o", 7.0, "none", style.VERMILLION, 1.3)
 
 
 def front_figure(run: DrawnRun, front: Front) -> Figure:
-    """Mission risk against path length, collision risk as colour, before and after smoothing.
-
-    A front of failure rates has another figure (:func:`flown_front_figure`). Where the front has the mission
-    risk of trees, accepted vertices are a cloud of dots. The path of the plan is marked with a ring.
-    """
+    """The figure of a front: of failure rates if it has them, else of risks."""
     if front.rates:
         return flown_front_figure(run, front)
+    figure = style.blank_figure(style.COLUMN_WIDTH, FRONT_HEIGHT)
+    ax = style.axes_at(figure, 0.58, 0.38, 2.22, 1.82)
+    keys = draw_risks(ax, run, front, style.axes_at(figure, 2.86, 0.38, 0.09, 1.82))
+    style.legend_at(figure, keys, (0.52, 2.28), 2, loc="lower left", handletextpad=0.3, columnspacing=1.2)
+    return figure
+
+
+def draw_front(ax: Axes, run: DrawnRun, front: Front) -> None:
+    """A front on axes of the reader, with a legend inside."""
+    if front.rates:
+        draw_rates(ax, run, front)
+        keys = [*chain.from_iterable(_flown_keys(run, front))]
+    else:
+        keys = draw_risks(ax, run, front)
+    for text in ax.legend(handles=keys).get_texts():
+        text.set_parse_math(False)
+
+
+def draw_risks(ax: Axes, run: DrawnRun, front: Front, bar: Axes | None = None) -> list[Line2D]:
+    """Mission risk against path length, collision risk as colour, before and after smoothing; the legend.
+
+    Where the front has the mission risk of trees, accepted vertices are a cloud of dots. The path of the plan
+    is marked with a ring. The scale of the colours is ``bar``, or takes some space of ``ax``.
+    """
     plan, (unit, per_metre) = run.plan, length_unit(run.scene)
     after = _front_rows([path.objectives for path in front.paths]) * [per_metre, 1.0, 1.0]
     before = _front_rows(front.raw) * [per_metre, 1.0, 1.0]
     of_trees = (front.models.law, front.models.mission_bound) == ("independent", "theorem2")
     vertices = accepted_rows(run.forest) if run.forest is not None and of_trees else np.empty((0, 2))
     cloud = vertices[:, [-1, 0]] * [per_metre, 1.0]  # length and mission risk
-    figure = style.blank_figure(style.COLUMN_WIDTH, FRONT_HEIGHT)
-    ax = style.axes_at(figure, 0.58, 0.38, 2.22, 1.82)
     low, hidden = style.log_axis_end(np.concatenate([after[:, 1], before[:, 1], cloud[:, 1]]))
+    low, high = shown_ends(ax, low, 1.0)
     up = np.maximum(cloud[:, 1], low)
     ax.scatter(cloud[:, 0], up, s=2.0, c=style.MIST, alpha=0.5, lw=0, rasterized=True, zorder=1)
     law = f"{front.models.law} {run.medium.flows} [%]"
-    _scatter_risks(figure, ax, (before, after), low, f"collision risk R, {law}")
+    _scatter_risks(ax, (before, after), low, f"collision risk R, {law}", bar)
     if plan is not None:
         cost = plan.path.objectives
         ax.plot(cost.length * per_metre, max(cost.mission_risk, low), **RING, zorder=5)
-    scale_rate_axis(ax, "y", low, hidden=hidden)
+    scale_rate_axis(ax, "y", low, high, hidden=hidden)
     if hidden:
         ax.axhline(low, color=style.STONE, lw=1.0, ls=(0, (2, 2)), zorder=2, clip_on=False)
         ax.spines["bottom"].set_visible(False)
@@ -62,12 +82,11 @@ def front_figure(run: DrawnRun, front: Front) -> Figure:
     keys += [CHOSEN] * (plan is not None)
     if len(cloud):
         keys.append(style.mark_key(f"{len(cloud):,} accepted vertices", "o", 2.5, style.MIST, style.MIST))
-    style.legend_at(figure, keys, (0.52, 2.28), 2, loc="lower left", handletextpad=0.3, columnspacing=1.2)
-    return figure
+    return keys
 
 
 def _scatter_risks(
-    figure: Figure, ax: Axes, fronts: tuple[FloatArray, FloatArray], low: float, label: str
+    ax: Axes, fronts: tuple[FloatArray, FloatArray], low: float, label: str, place: Axes | None
 ) -> None:
     """Rows (length, mission risk, collision risk) before and after smoothing, and the bar of the colours.
 
@@ -83,7 +102,7 @@ def _scatter_risks(
             rows[:, 0], np.maximum(rows[:, 1], low), size, np.maximum(rows[:, 2], least), marker=marker,
             edgecolors=edge, zorder=order, norm=norm, cmap="cividis", linewidths=0.6, clip_on=False,
         )  # fmt: skip
-    bar = figure.colorbar(dots, cax=style.axes_at(figure, 2.86, 0.38, 0.09, 1.82), label=label)
+    bar = ax.figure.colorbar(dots, cax=place, ax=None if place else ax, label=label)
     bar.outline.set_linewidth(0.5)
     set_rate_ticks(bar.ax.yaxis, least, limit, hidden=hidden)
 
@@ -109,6 +128,25 @@ NARROWEST = 3.0  # least ratio of the ends of the axis of rates
 
 
 def flown_front_figure(run: DrawnRun, front: Front) -> Figure:
+    """The figure of a front of failure rates, with its legend above."""
+    keys = _flown_keys(run, front)
+    rows = max(map(len, keys))
+    figure = style.blank_figure(style.COLUMN_WIDTH, BOTTOM + TALL + ROW * rows + 2 * GAP)
+    draw_rates(style.axes_at(figure, LEFT, BOTTOM, WIDTH, TALL), run, front)
+    look: dict[str, Any] = {"handletextpad": 0.4, "labelspacing": 0.3, "handlelength": 1.2}
+    top = BOTTOM + TALL + ROW * rows + GAP
+    for left, column in zip((LEFT - 0.06, LEFT + 1.28), keys, strict=True):
+        style.legend_at(figure, column, (left, top), 1, **look)
+    return figure
+
+
+def _flown_keys(run: DrawnRun, front: Front) -> tuple[list[Line2D], list[Line2D]]:
+    """Entries of the legend: the mission orders, and all other marks."""
+    shortest_first = sorted(front.paths, key=lambda path: path.objectives.length)
+    return order_keys(order_looks([path.order for path in shortest_first])), other_keys(front, run.plan)
+
+
+def draw_rates(ax: Axes, run: DrawnRun, front: Front) -> None:
     """Failure rate against path length of every path, with 95 % intervals, the mission order as colour.
 
     The path of the plan is marked with a ring, its fresh flights with a bar.
@@ -117,13 +155,10 @@ def flown_front_figure(run: DrawnRun, front: Front) -> Figure:
     lengths = per_metre * np.array([path.objectives.length for path in front.paths])
     order = np.argsort(lengths, kind="stable")
     looks = order_looks([front.paths[k].order for k in order])
-    keys = order_keys(looks), other_keys(front, plan)
-    rows = max(map(len, keys))
-    figure = style.blank_figure(style.COLUMN_WIDTH, BOTTOM + TALL + ROW * rows + 2 * GAP)
-    ax = style.axes_at(figure, LEFT, BOTTOM, WIDTH, TALL)
     after, before = rate_rows(front.rates), rate_rows(front.raw_rates)
     raw = per_metre * np.array([o.length for o in front.raw][: len(before)])
     low, high, hidden = rate_ends(np.concatenate([after, before]))
+    low, high = shown_ends(ax, low, high)
     ax.scatter(raw, np.clip(before[:, 0], low, high), marker="x", s=10.0, c=style.STONE, lw=0.7, zorder=2)
     line = [k for k in order if after[k, 0] < after[lengths < lengths[k], 0].min(initial=np.inf)]
     ax.plot(lengths[line], np.maximum(after[line, 0], low), color=style.STONE, lw=0.8, zorder=3)
@@ -139,11 +174,6 @@ def flown_front_figure(run: DrawnRun, front: Front) -> Figure:
     ax.xaxis.set_major_locator(MaxNLocator(5))
     ax.set_xlim(*_length_ends(lengths))
     hide_frame(ax)
-    look: dict[str, Any] = {"handletextpad": 0.4, "labelspacing": 0.3, "handlelength": 1.2}
-    top = BOTTOM + TALL + ROW * rows + GAP
-    for left, column in zip((LEFT - 0.06, LEFT + 1.28), keys, strict=True):
-        style.legend_at(figure, column, (left, top), 1, **look)
-    return figure
 
 
 def _length_ends(lengths: FloatArray) -> tuple[float, float]:
@@ -151,6 +181,12 @@ def _length_ends(lengths: FloatArray) -> tuple[float, float]:
     low, high = float(lengths.min()), float(lengths.max())
     span = max(high - low, 0.02 * high)
     return low - 0.05 * span, high + BESIDE * span
+
+
+def shown_ends(ax: Axes, low: float, high: float) -> tuple[float, float]:
+    """Ends of the axis of rates for ``low`` to ``high`` and what the axes of the reader show already."""
+    shown = ax.get_ylim() if ax.has_data() else (low, high)
+    return min(low, shown[0]), max(high, shown[1])
 
 
 def rate_rows(rates: Sequence[FailureRate]) -> FloatArray:

@@ -15,14 +15,14 @@ from matplotlib.patches import Patch
 
 from pareto_ltl import Scene
 from pareto_ltl.extend import Decomposition, Forest, Plan
-from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl_apps.view import map_layers, style
 from pareto_ltl_apps.view.land import draw_land
 from pareto_ltl_apps.view.map_layers import DRAWN_VERTICES, dense_path, timed_obstacles, visited_outlines
 from pareto_ltl_apps.view.records import DrawnRun
-from pareto_ltl_apps.view.wind import draw_wind_arrows, flight_midpoint
+from pareto_ltl_apps.view.settings import ReportConfig
+from pareto_ltl_apps.view.wind import draw_arrows, draw_wind_arrows, flight_midpoint
 
 TEXT_LINE = 0.15  # height of a line of small text [in]
 HINTED = 1.05  # width of letters of a picture, at most, compared with their outlines
@@ -67,6 +67,14 @@ def column_map(scene: Scene, heading: Sequence[str], below: float) -> tuple[Figu
     return figure, chart
 
 
+def draw_map(chart: Axes, cfg: ReportConfig, run: DrawnRun) -> None:
+    """The map of a run on axes of the reader, without heading and legend."""
+    map_layers.map_axes(run.scene, chart).apply_aspect()
+    _draw_layers(chart, cfg, run)
+    if run.wind is not None:
+        draw_arrows(chart, run.wind, flight_midpoint(run.plan)[0], run.scene.bounds)
+
+
 def _draw_layers(chart: Axes, cfg: ReportConfig, run: DrawnRun) -> None:
     draw_land(chart, run.scene, taken_points(run.scene, run.plan))
     map_layers.draw_ground(chart, run.scene, _shown_cells(cfg, run))
@@ -85,8 +93,8 @@ def _draw_layers(chart: Axes, cfg: ReportConfig, run: DrawnRun) -> None:
 
 
 def _shown_cells(cfg: ReportConfig, run: DrawnRun) -> Decomposition | None:
-    """The cells of the search, with its trees."""
-    return None if _shown_forest(cfg, run) is None else run.decomposition
+    """The cells of the search, if its trees are wanted, or if there is no plan to show."""
+    return run.decomposition if cfg.trees or run.plan is None else None
 
 
 def _shown_forest(cfg: ReportConfig, run: DrawnRun) -> Forest | None:

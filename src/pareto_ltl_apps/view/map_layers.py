@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, LineCollection, PolyCollection
-from matplotlib.figure import Figure
+from matplotlib.figure import SubFigure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from pareto_ltl import Scene
@@ -42,7 +42,8 @@ Lines = Sequence[tuple[str, float]]  # texts and their font sizes [pt]
 def inches_per_metre(chart: Axes) -> float:
     """Size in the figure of a metre of a map."""
     figure, (west, east) = chart.figure, chart.get_xlim()
-    assert isinstance(figure, Figure)
+    if isinstance(figure, SubFigure):
+        return float(chart.get_window_extent().width) / figure.dpi / (east - west)
     return chart.get_position().width * float(figure.get_size_inches()[0]) / (east - west)
 
 

@@ -21,7 +21,6 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
 from pareto_ltl import Scene, Settings
 from pareto_ltl.extend import Decomposition, Study
-from pareto_ltl.settings import ReportConfig
 from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl_apps.view import axes as shared
 from pareto_ltl_apps.view import map_layers, style
@@ -29,6 +28,7 @@ from pareto_ltl_apps.view.axes import GRID_COLOUR, FigureRow, Figures, column_va
 from pareto_ltl_apps.view.factors import FACTOR_TITLES
 from pareto_ltl_apps.view.map import ground_keys
 from pareto_ltl_apps.view.map_layers import dense_path, draw_flights, draw_ground, map_axes, name_regions
+from pareto_ltl_apps.view.settings import ReportConfig
 from pareto_ltl_apps.view.wind import draw_wind_arrows
 
 MAX_KEYS = 6  # in a line of the legend of the panels
@@ -47,7 +47,7 @@ def comparison_figures(
     settings: Settings, study: Study, scene: Scene, decomposition: Decomposition
 ) -> Figures:
     """``figure1``, a map per method, and ``outcomes``, failure rates and bounds."""
-    cfg, pictures = settings.report, study.pictures
+    cfg, pictures = settings[ReportConfig], study.pictures
     return {
         "figure1": lambda: comparison_figure(cfg, scene, decomposition, pictures["wind"], pictures["panels"]),
         "outcomes": lambda: outcomes_figure(study.tables["compare"], study.tables["compare_seeds"]),
@@ -362,14 +362,14 @@ def replanning_figure(rows: Sequence[FigureRow]) -> Figure:
 # --- sitl --------------------------------------------------------------------------------------
 
 
-def sitl_figures(settings: Settings, study: Study, scene: Scene, decomposition: Decomposition) -> Figures:
+def sitl_figures(_: Settings, study: Study, scene: Scene, decomposition: Decomposition) -> Figures:
     """The figure ``sitl``."""
-    return {"sitl": lambda: sitl_figure((scene, decomposition), study, settings.sitl.drawn)}
+    return {"sitl": lambda: sitl_figure((scene, decomposition), study)}
 
 
-def sitl_figure(world: tuple[Scene, Decomposition], study: Study, drawn: int) -> Figure:
-    """The map with ``drawn`` tracks of each, and the distance between both at the end of every leg."""
-    flown, numbers = study.pictures["flights"], study.numbers
+def sitl_figure(world: tuple[Scene, Decomposition], study: Study) -> Figure:
+    """The map with some tracks of each, and the distance between both at the end of every leg."""
+    flown, drawn, numbers = study.pictures["flights"], study.pictures["drawn"], study.numbers
     scene, decomposition = world
     figure = style.blank_figure(style.PAGE_WIDTH, 3.1)
     chart = map_axes(scene, style.axes_at(figure, 0.55, 0.45, 2.9, 2.3))

@@ -18,6 +18,7 @@ from pareto_ltl.support.medium import medium_of
 from pareto_ltl_apps.exports.geojson import border_corners
 from pareto_ltl_apps.view import lattice, map_layers, style
 
+SPEED = "speed [m/s]"
 LONGEST = 0.95  # longest arrow, as a share of the distance between two arrows
 ARROWS: dict[str, Any] = {
     "pivot": "mid", "units": "inches", "scale_units": "inches", "headwidth": 3.6, "headlength": 4.2,
@@ -55,8 +56,7 @@ def draw_wind_arrows(
     """
     figure = chart.figure
     assert isinstance(figure, Figure)
-    mean = lattice.interpolate_slots(wind.times, wind.mean, t)
-    quiver = _draw_arrows(chart, wind, mean, scene.bounds, color=style.SKY, width=0.009, zorder=2.8)
+    quiver = draw_arrows(chart, wind, t, scene.bounds)
     if quiver is None:
         style.text_at(figure, left, bottom, f"{text}: calm", va="center", fontsize=6.5)
         return
@@ -69,13 +69,15 @@ def draw_wind_arrows(
     style.text_at(figure, beside, bottom, f"{unit:g} m/s, {text}", va="center", fontsize=6.5)
 
 
-def _draw_arrows(
-    chart: Axes, wind: WindField, mean: FloatArray, bounds: FloatArray, **look: Any
-) -> Quiver | None:
-    """``mean`` (NX, NY, 2) [m/s] as arrows on lattice nodes within ``bounds`` (2, 2); None if it is calm."""
+def draw_arrows(
+    chart: Axes, wind: WindField, t: float, bounds: FloatArray, *,
+    color: str = style.SKY, width: float = 0.009, zorder: float = 2.8,
+) -> Quiver | None:  # fmt: skip
+    """Expected wind at ``t`` [s] as arrows on lattice nodes within ``bounds`` (2, 2); None if it is calm."""
     x, y = lattice.lattice_nodes(wind)
     i, j = lattice.arrow_nodes(wind, bounds)
-    field = mean[np.ix_(i, j)]
+    field = lattice.interpolate_slots(wind.times, wind.mean, t)[np.ix_(i, j)]
+    look: dict[str, Any] = {"color": color, "width": width, "zorder": zorder}
     top = float(np.hypot(field[..., 0], field[..., 1]).max(initial=0.0))
     if top == 0.0:
         return None
@@ -96,25 +98,21 @@ def wind_panels(
 
     Both on the whole lattice, with the planned ``route`` (T+1, 2) [m]; ``moment`` says when that is.
     """
-    mean = lattice.interpolate_slots(wind.times, wind.mean, t)
     x, y = lattice.lattice_nodes(wind)
     inner, west = 2.35, 0.48
     height = inner * float(np.clip(np.ptp(y) / max(np.ptp(x), 1.0), 0.35, 1.6))
     figure = style.blank_figure(style.PAGE_WIDTH, height + 0.85)
-    speed, sd = np.hypot(mean[..., 0], mean[..., 1]), lattice.wind_deviation(wind, t)
+    sd = lattice.wind_deviation(wind, t)
     panels = (
-        (f"(a) Expected {medium_of(wind.level).flow}", "speed [m/s]", speed, "viridis"),
+        (f"(a) Expected {medium_of(wind.level).flow}", SPEED, expected_speed(wind, t), "viridis"),
         ("(b) Standard deviation, least at readings", "standard deviation [m/s]", sd, "cividis"),
     )
     for n, (title, label, values, cmap) in enumerate(panels):
         left = west + n * style.PAGE_WIDTH / 2
         chart = map_layers.map_axes(scene, style.axes_at(figure, left, 0.42, inner, height))
-        _draw_surface(chart, wind, values, cmap)
-        _draw_outlines(chart, scene)
-        map_layers.number_obstacles(chart, scene)
+        _draw_surface(chart, scene, wind, values, cmap)
         if n == 0:
-            whole = np.array([[x[0], y[0]], [x[-1], y[-1]]])
-            _draw_arrows(chart, wind, mean, whole, color="white", width=0.011, zorder=4)
+            _draw_white_arrows(chart, wind, t)
         if route is not None:
             map_layers.draw_mean_path(chart, route)
         scale = style.axes_at(figure, left + inner + 0.08, 0.42, 0.09, height)
@@ -136,8 +134,29 @@ def _origin_text(wind: WindField) -> str:
     return f"{medium_of(wind.level).flow} at {wind.level}{law}, source: {first}{more}"
 
 
-def _draw_surface(chart: Axes, wind: WindField, values: FloatArray, cmap: str) -> None:
-    """``values`` (NX, NY) as colour, interpolated bilinearly, on the extent of the lattice."""
+def draw_wind(ax: Axes, scene: Scene, wind: WindField, t: float) -> None:
+    """Expected wind at ``t`` [s] on axes of the reader: arrows, and the speed as colour with its scale."""
+    _draw_surface(map_layers.map_axes(scene, ax), scene, wind, expected_speed(wind, t), "viridis")
+    ax.figure.colorbar(ax.images[-1], ax=ax, label=SPEED)
+    ax.apply_aspect()
+    _draw_white_arrows(ax, wind, t)
+
+
+def expected_speed(wind: WindField, t: float) -> FloatArray:
+    """Speed of the expected wind at ``t`` [s], (NX, NY) [m/s]."""
+    mean = lattice.interpolate_slots(wind.times, wind.mean, t)
+    return np.hypot(mean[..., 0], mean[..., 1])
+
+
+def _draw_white_arrows(chart: Axes, wind: WindField, t: float) -> None:
+    """Arrows on the whole lattice."""
+    x, y = lattice.lattice_nodes(wind)
+    whole = np.array([[x[0], y[0]], [x[-1], y[-1]]])
+    draw_arrows(chart, wind, t, whole, color="white", width=0.011, zorder=4)
+
+
+def _draw_surface(chart: Axes, scene: Scene, wind: WindField, values: FloatArray, cmap: str) -> None:
+    """``values`` (NX, NY) as colour, interpolated bilinearly, on the lattice, with the outlines of a map."""
     x, y = lattice.lattice_nodes(wind)
     half = wind.spacing / 2.0
     extent = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
@@ -147,6 +166,8 @@ def _draw_surface(chart: Axes, wind: WindField, values: FloatArray, cmap: str) -
     look: dict[str, Any] = {"norm": Normalize(low, high), "interpolation": "bilinear", "zorder": 0}
     chart.imshow(values.T, origin="lower", extent=extent, cmap=cmap, **look)
     chart.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
+    _draw_outlines(chart, scene)
+    map_layers.number_obstacles(chart, scene)
 
 
 def _draw_outlines(chart: Axes, scene: Scene) -> None:

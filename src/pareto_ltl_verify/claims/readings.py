@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,10 +14,8 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault, within
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.geometry import in_plane, on_earth
-from pareto_ltl_verify.readers.fields import Field, UnreadError, fields_of, on_unit_sphere
-from pareto_ltl_verify.readers.grib import grib_components
-from pareto_ltl_verify.readers.netcdf import netcdf_components
-from pareto_ltl_verify.readers.tables import table_fields
+from pareto_ltl_verify.readers.fields import Field, UnreadError, on_unit_sphere
+from pareto_ltl_verify.sources import WindFiles
 from pareto_ltl_verify.wind_fit import Fit
 from pareto_ltl_verify.wind_tables import level_of
 
@@ -64,7 +62,7 @@ def times(result: Evidence) -> Verdict | None:
     found = _read_again(result)
     if found is None:
         return None
-    wind, reports = result.wind, _of_stations(result)
+    wind, reports = result.wind, result.source_row.reports
     slots = found.zero + wind.times
     if reports:
         there = np.unique(np.round([field.time / 3600.0 for field in found.fields])) * 3600.0
@@ -146,17 +144,13 @@ def _north(crs: str, points: FloatArray, lonlat: FloatArray) -> FloatArray:
 
 def _fields_of_slot(result: Evidence, fields: Iterable[Field], slot: float) -> list[Field]:
     """The fields whose winds the readings of a slot have."""
-    if _of_stations(result):
+    if result.source_row.reports:
         return [field for field in fields if abs(field.time - slot) <= HALF_HOUR + 1.0]
     now = [field for field in fields if abs(field.time - slot) < 1.0]
     return sorted(now, key=lambda field: (np.isnan(field.lead), field.lead))[:1]
 
 
 # --- the files ---------------------------------------------------------------------------------
-
-
-def _of_stations(result: Evidence) -> bool:
-    return str(result.settings["wind"]["source"]) == "stations"
 
 
 def _read_again(result: Evidence) -> Sources | None:
@@ -170,8 +164,6 @@ def _read_again(result: Evidence) -> Sources | None:
 def wind_files(result: Evidence) -> list[Path]:
     """The wind files of a run, unchanged; UnreadError if one is gone or was changed."""
     settings = result.settings
-    if settings["wind"]["source"] == "given":
-        raise UnreadError("the wind was given in Python")
     others = [settings["scene"].get("file"), *(settings["scene"].get("zones") or ())]
     others += [settings["mission"].get("automaton"), settings["wind"]["forecast_error"]]
     others.append(settings["selection"].get("extra_paths"))
@@ -210,64 +202,16 @@ def _sources(result: Evidence) -> Sources:
 
 
 def _fields(result: Evidence) -> Sources:
-    files, wind, zero = wind_files(result), result.wind, result.scene["time_zero"]
+    wind, zero = result.wind, result.scene["time_zero"]
     start = 0.0 if zero is None else datetime.fromisoformat(zero).timestamp()
-    kind, value, _ = level_of(wind.level)
-    if result.settings["wind"]["source"] == "currents":
-        kind = "depth"
     span = (start + float(wind.times[0]), start + max(float(wind.times[-1]), 0.0))
     if zero is None:  # the clock begins with the wind
         span = (-np.inf, np.inf)
-    kinds, models = {_format(path) for path in files}, frozenset[str]()
-    if len(kinds) > 1:
-        raise UnreadError("the wind files are of several formats")
-    if kinds == {"GRIB"}:
-        components, models = grib_components(files, (kind, value), span)
-        fields = fields_of(components)
-    elif kinds == {"NetCDF"}:
-        fields = fields_of(one for path in files for one in netcdf_components(path, (kind, value), span))
-    else:
-        reports = _of_stations(result)
-        fields = [one for path in files for one in table_fields(path, reports, kind == "depth")]
-        fields = fields if reports else list(map(_together, _by_time(fields)))
-    if result.settings["wind"]["source"] == "ensemble" or len({field.member for field in fields}) > 1:
-        fields = list(map(_mean, _by_time(fields)))
+    files = WindFiles(partial(wind_files, result), level_of(wind.level)[:2], span)
+    fields, models = result.source_row.read(files)
     if not fields:
         raise UnreadError("the second reader finds no wind in the files")
     return Sources(fields, start if zero is not None else min(field.time for field in fields), models)
-
-
-def _by_time(fields: Iterable[Field]) -> list[list[Field]]:
-    groups: dict[float, list[Field]] = {}
-    for field in fields:
-        groups.setdefault(field.time, []).append(field)
-    return list(groups.values())
-
-
-def _together(fields: Sequence[Field]) -> Field:
-    """The rows of several tables at one time; the largest lead counts."""
-    places, winds = (np.concatenate([getattr(f, name) for f in fields]) for name in ("places", "winds"))
-    lead = float(np.fmax.reduce([field.lead for field in fields]))
-    return replace(fields[0], lead=lead, places=places, winds=winds)
-
-
-def _mean(fields: Sequence[Field]) -> Field:
-    """The mean of the members at one time; UnreadError if they have different nodes."""
-    first = fields[0]
-    for other in fields:
-        if other.places.shape != first.places.shape or np.abs(other.places - first.places).max() > 1e-3:
-            raise UnreadError("the members of the ensemble are on different nodes, which the second reader "
-                              "does not join")  # fmt: skip
-    winds = np.mean([field.winds for field in fields], axis=0)
-    return replace(first, lead=min(field.lead for field in fields), winds=winds)
-
-
-def _format(path: Path) -> str:
-    with path.open("rb") as stream:
-        head = stream.read(2**16)
-    if b"GRIB" in head[:4096] and not head.startswith(b"\x89HDF"):
-        return "GRIB"
-    return "NetCDF" if head.startswith((b"\x89HDF", b"CDF")) else "table"
 
 
 CLAIMS: tuple[Claim, ...] = (

@@ -22,7 +22,6 @@ FEWEST_CELLS, MAX_CELLS = 20, 500  # of the lattice of the wind along the longer
 FEWEST_MODE_CELLS, MAX_MODE_CELLS = 10, 24  # of the lattice of its modes
 # Laws that are no files.
 LAW_WORDS = "auto", "none", "gfs", "icon_eu", "ecmwf_class", "hourly_fine", "currents", "gfs_one_part"
-FROM_PATH = ("csv", "stations", "grib", "netcdf", "currents", "ensemble")  # that read wind.path
 SAME_PLACE = 1e-6  # of the spacing of a lattice
 SLOW = 60.0  # [s] that a search takes beyond a limit of its time: the tree that is growing is finished
 
@@ -36,7 +35,7 @@ def named_files(result: Evidence) -> Verdict:
         "mission.automaton": settings["mission"]["automaton"],
         "selection.extra_paths": settings["selection"].get("extra_paths"),
         "wind.forecast_error": settings["wind"]["forecast_error"],
-        "wind.path": settings["wind"]["path"] if settings["wind"]["source"] in FROM_PATH else None,
+        "wind.path": settings["wind"]["path"] if result.source_row.reads_path else None,
     }
     missing = (
         f"{key}={text} is no input of the run"

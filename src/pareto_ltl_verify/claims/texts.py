@@ -24,6 +24,7 @@ from pareto_ltl_verify.evidence import HELD_RUNS, Evidence
 from pareto_ltl_verify.flights import RARE, rate_of, same_rate
 from pareto_ltl_verify.heights import level_flight, stated_level
 from pareto_ltl_verify.sentences import HOLDS, SENTENCE, flown_by, left_over
+from pareto_ltl_verify.sources import source_of
 from pareto_ltl_verify.wind_law import HOUR, ErrorLaw
 from pareto_ltl_verify.wind_tables import ENSEMBLE, level_of
 
@@ -32,15 +33,6 @@ RATE = re.compile(
     r"Of (?P<runs>[\d,]+) [^%]*flights flown (?P<how>.*) in (?P<law>\w+) (?P<flow>\w+), "
     r"(?P<fails>.* %.*) fail\."
 )
-UNLISTED = (
-    "noaa",
-    "nbm",
-    "aigfs",
-    "aigefs",
-    "ifs",
-    "aifs",
-    "rtofs",
-)  # sources whose files are downloaded, and no inputs of the run
 LUA, VOLUMES = "plan.lua", "operational_intent.json"
 AIRSPEED, IN_WATER = "airspeed", "speed through the water"
 CALM = "calm air: no wind at all", "any wind", AIRSPEED
@@ -327,7 +319,7 @@ def source(result: Evidence) -> Verdict | None:
     kind, _, left = result.wind.source.partition(": ")
     for name in sorted((Path(name).name for name in inputs), key=len, reverse=True):
         left = left.replace(name, "")
-    known = kind in UNLISTED or re.fullmatch(r"[, ]*( and \d+ more)?", left) is not None
+    known = source_of(kind).live or re.fullmatch(r"[, ]*( and \d+ more)?", left) is not None
     return Verdict(result.wind.source[:44], f"{wanted}, {len(inputs)} inputs", kind == wanted and known)
 
 

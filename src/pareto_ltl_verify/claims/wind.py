@@ -20,16 +20,14 @@ from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.geometry import on_earth
 from pareto_ltl_verify.wind_fit import Fit
 from pareto_ltl_verify.wind_law import HOUR, VERSION_1, ErrorLaw
-from pareto_ltl_verify.wind_tables import WindFile, level_of, source_of
+from pareto_ltl_verify.wind_tables import WindFile, level_of
 
 LAWS = PACKAGE / "support" / "data" / "forecast_errors"
 FIRST_LAW, PACKAGED = LAWS / "gfs.json", {path.stem: path for path in (LAWS / "parts").glob("*.json")}
-FROM_FILES = ("grib", "ensemble")  # sources whose files may state their model
 LAWS_OF_MODELS = {"edzw": "icon_eu", "ecmf": "ecmwf_class", "kwbc 83": "hourly_fine"}  # centre, process
 MOST_NODES = 4000  # limit of the number of nodes of a slot at which the posterior is computed
 LAW_WEIGHT = 10.0  # degrees of freedom of a law in the factor of D, if it states none
 FEWEST_PLACES, LONGEST_PAIR = 10, 1e6  # readings, and [m] between two of them, for the spread of the winds
-IN_A_PLANE = ("csv", "given")  # sources whose readings may be in a plane, without latitudes
 LEAST_FACTOR, MAX_FACTOR = 0.25, 4.0
 CLEAR = 2e-6  # largest allowed error of a posterior, as a share of the prior's standard deviation
 
@@ -156,7 +154,7 @@ def level_and_leads(result: Evidence) -> Verdict:
     wind, settings = result.wind, result.settings["wind"]
     source = settings["source"]
     named = "10m" if source == "sample" else wind.level
-    if source_of(source).level:
+    if result.source_row.level:
         named = str(settings["level"])
         tables_of_before = source in ("csv", "stations") and wind.level == "10m"
         if tables_of_before and named == result.settings["robot"].get("level"):
@@ -200,14 +198,14 @@ def _named_law(result: Evidence, stated: ErrorLaw) -> str:
     With auto, the model of GRIB files decides; of files that are not read once more, the law in wind.nc.
     """
     settings = result.settings["wind"]
-    source, named = str(settings["source"]), str(settings["forecast_error"])
+    row, named = result.source_row, str(settings["forecast_error"])
     if named != "auto":
         return named
-    if level_of(result.wind.level)[0] == "depth" and source_of(source).law != "none":
+    if level_of(result.wind.level)[0] == "depth" and row.law != "none":
         return "currents"
-    if source not in FROM_FILES:
-        hourly = source == "noaa" and settings.get("model") == "hrrr"
-        return "hourly_fine" if hourly else source_of(source).law or ("gfs" if stated.parts else "none")
+    if not row.names_model:
+        hourly = settings["source"] == "noaa" and settings.get("model") == "hrrr"
+        return "hourly_fine" if hourly else row.law or ("gfs" if stated.parts else "none")
     if (models := models_of(result)) is None:
         return stated.name if stated.name in PACKAGED else "gfs"
     laws = {LAWS_OF_MODELS.get(model, LAWS_OF_MODELS.get(model.split()[0], "gfs")) for model in models}
@@ -250,8 +248,7 @@ def variability(result: Evidence) -> Verdict | None:
 
     Successive analyses among the slots, at the same places, must be among the pairs.
     """
-    wind, settings = result.wind, result.settings["wind"]
-    law, fit = wind.error, wind.fit
+    wind, law, fit = result.wind, result.wind.error, result.wind.fit
     if law is None or fit is None:
         return None
     own = [k for k in np.flatnonzero(wind.leads == 0) if np.array_equal(fit.points[k], fit.points[0])]
@@ -260,7 +257,7 @@ def variability(result: Evidence) -> Verdict | None:
         for j, k in pairwise(own)
         if law.lags[0] - 1 <= wind.times[k] - wind.times[j] <= law.lags[-1] + 1
     }
-    modelled = source_of(settings["source"]).modelled and not wind.level.endswith("depth")
+    modelled = result.source_row.modelled and not wind.level.endswith("depth")
     if (stated := law.scaled) is None:
         unused = among and modelled
         return no_fault(
@@ -291,7 +288,7 @@ def variability(result: Evidence) -> Verdict | None:
         {
             "the source has no analyses": bool(listed) and modelled is False,
             "spread": (spread is None) != (stated.spread is None),
-            "latitude": not _is_latitude(stated.latitude, latitude, str(settings["source"])),
+            "latitude": not _is_latitude(stated.latitude, latitude, result.source_row.planar),
         },
         (f"change from {a:g} s" for (a, b), m in among.items() if not close(listed.get((a, b), -1.0), m)),
         far_apart(said, wanted),
@@ -304,9 +301,9 @@ def _latitude_of(result: Evidence) -> float | None:
     return None if crs is None else float(on_earth(str(crs), bounds.mean(axis=0)[None])[1, 0])
 
 
-def _is_latitude(stated: float | None, latitude: float | None, source: str) -> bool:
+def _is_latitude(stated: float | None, latitude: float | None, planar: bool) -> bool:
     if stated is None or latitude is None:
-        return stated is latitude or (stated is None and source in IN_A_PLANE)
+        return stated is latitude or (stated is None and planar)
     return abs(stated - latitude) < 1e-6
 
 

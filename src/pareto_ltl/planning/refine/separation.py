@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pareto_ltl.kernels import bounds as kb
-from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.limits import WorstSegment
@@ -25,6 +24,7 @@ from pareto_ltl.planning.routes.obligations import face_deviations, path_obligat
 from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import distance_text, probability_text, round_up
+from plane_kernels import types as kd
 
 LOG = logging.getLogger(__name__)
 

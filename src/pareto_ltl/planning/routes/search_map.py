@@ -14,13 +14,13 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.pack import pack_barriers, pack_faces
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world import scene_simplify as outline
 from pareto_ltl.world.cells import convex_obstacles, convex_pieces
 from pareto_ltl.world.scene import Scene
+from plane_kernels import types as kd
 
 if TYPE_CHECKING:
     import shapely

@@ -13,8 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pareto_ltl.kernels import data as kd
-from pareto_ltl.kernels.visibility import (
+from pareto_ltl.kernels.data import Motion
+from pareto_ltl.planning.pack import pack_faces
+from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.routes.obligations import MissionOrder, face_deviations
+from pareto_ltl.planning.routes.search_map import SearchMap, search_map
+from pareto_ltl.planning.wind_lookup import interpolate
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.world.cells import inside_depth
+from plane_kernels import types as kd
+from plane_kernels.visibility import (
     BESIDE,
     TOUCH,
     Distances,
@@ -24,13 +32,6 @@ from pareto_ltl.kernels.visibility import (
     clear_crossings,
     seen_places,
 )  # fmt: skip
-from pareto_ltl.planning.pack import pack_faces
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.routes.obligations import MissionOrder, face_deviations
-from pareto_ltl.planning.routes.search_map import SearchMap, search_map
-from pareto_ltl.planning.wind_lookup import interpolate
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.world.cells import inside_depth
 
 FACE_MARGIN = 2.0  # [m] distance from every face: larger than the solver's rounding error
 ANCHOR = 0.02  # least fraction of the way from a region's rim to its middle at which a line touches it
@@ -61,7 +62,7 @@ def walk_line(problem: Problem, line: FloatArray) -> FloatArray | None:
     return np.array(x)
 
 
-def longest_share(motion: kd.Motion, x: FloatArray, goal: FloatArray, wind: FloatArray) -> float:
+def longest_share(motion: Motion, x: FloatArray, goal: FloatArray, wind: FloatArray) -> float:
     """Largest s ≤ 1 such that one step reaches x + s (goal - x): ‖c + s g‖ ≤ u_max is a quadratic."""
     c = motion.b_inv @ (x - motion.a @ x - motion.dt * wind) / motion.dt
     g = motion.b_inv @ (goal - x) / motion.dt

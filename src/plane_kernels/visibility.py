@@ -1,4 +1,4 @@
-"""Visibility past convex polygons: which straight flights keep a distance from a face of each polygon."""
+"""Visibility past convex polygons: which straight lines keep a distance from a face of each polygon."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Faces, Point
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.types import BoolArray, Faces, FloatArray, IntArray, Point
 from typed_kernels.jit import allocating, kernel, shared_entry
 
 TOUCH = 1e-3  # [m] tolerance of the distance to keep
@@ -160,10 +159,10 @@ def fill_shadow(walls: Walls, part: int, start: Point, shadow: FloatArray) -> No
 def seen_places(
     walls: Walls, here: FloatArray, keep: float, there: FloatArray, keeps: FloatArray, step: float
 ) -> BoolArray:
-    """Which points ``there`` (P, 2) [m] a straight flight from ``here`` (2,) [m] can reach: (P,).
+    """Which points ``there`` (P, 2) [m] a straight line from ``here`` (2,) [m] can reach: (P,).
 
-    The flight has steps of ``step`` [m]. It passes wall j if, for every step, one face of the wall is at
-    least ``asks[j]`` times the distance to keep away from both ends of the step, as in (M39). The distance to
+    The line has steps of ``step`` [m]. It passes wall j if, for every step, one face of the wall is at least
+    ``asks[j]`` times the distance to keep away from both ends of the step, as in (M39). The distance to
     keep is ``keep`` [m] at ``here`` and ``keeps[i]`` [m] at point i.
     """
     seen, shadow = np.ones(len(there), np.bool_), np.full(SECTORS, np.inf)
@@ -229,7 +228,7 @@ def arrivals(
     distances: Distances,
     bounds: FloatArray,
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-    """The places that a line of ``length`` [m] to ``here`` (2,) [m] and a straight flight reach.
+    """The places that a line of ``length`` [m] to ``here`` (2,) [m] reaches straight from there.
 
     Only places with a total length below ``best`` (P,) [m] that lie within ``bounds`` (2, 2) [m] are
     returned: their numbers (n,), positions on arrival (n, 2) [m], distances to keep there (n,) [m] and total

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Corners, Cov, Gaussian, Point
-from pareto_ltl.support.arrays import FloatArray
+from plane_kernels.types import Corners, Cov, FloatArray, Gaussian, Point
 from typed_kernels.jit import allocating, inlined, kernel, vector
 
 DEEP = 8.3  # exp(-x²/2) is below 1e-15 from here on
@@ -84,7 +83,7 @@ def _upper_tail(h: float) -> float:
 
 @kernel
 def polygon_probability(polygons: Corners, part: int, here: Gaussian) -> float:
-    """P(position in a convex polygon), exact; in plain Python ``pareto_ltl_verify.gaussians.in_polygon``.
+    """P(position in a convex polygon), exact.
 
     In coordinates where the position is standard normal, the origin and an edge at distance h, with ends v1
     and v2 along it, form a triangle of probability angle / 2π - T(h, v2 / h) + T(h, v1 / h), which is

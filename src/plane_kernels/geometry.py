@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Cells, Faces, Nearby, Point
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.types import BoolArray, Cells, Faces, FloatArray, IntArray, Nearby, Point
 from typed_kernels.jit import allocating, kernel
 
 SLACK = 1e-6  # [m] a point at most this far outside an edge counts as on the edge
@@ -25,7 +24,7 @@ def face_slack(faces: Faces, part: int, at: Point) -> float:
 
 @kernel
 def off_map(cells: Cells, at: Point) -> bool:
-    """Whether the point is outside the bounds of the map, which are convex."""
+    """Whether the point is outside the bounds of the cells, which are convex."""
     if at.x < cells.west - SLACK or at.x > cells.east + SLACK:
         return True
     return at.y < cells.south - SLACK or at.y > cells.north + SLACK
@@ -36,7 +35,7 @@ def locate_cell(cells: Cells, at: Point) -> int:
     """Number of the first cell that contains the point.
 
     If none does because of rounding, the nearest candidate within a metre; -1 if there is none (outside the
-    bounds, or inside an obstacle).
+    bounds, or in a hole between the cells).
     """
     if not (cells.west <= at.x <= cells.east and cells.south <= at.y <= cells.north):
         return -1

@@ -1,7 +1,7 @@
-"""The polygons that can bind in any flight of a set, for each step: those near the box of all positions.
+"""The polygons near the bounding box of many points or segments, and the distances of all from one.
 
-Most steps are far from most regions and obstacles. Polygons that are far from all flights are excluded once
-for all flights, not once for each.
+A sequence of T + 1 clouds of n points has a segment from each point to the same point of the next cloud.
+Polygons far from a whole cloud are excluded once for all its points, not once for each.
 """
 
 from __future__ import annotations
@@ -9,39 +9,14 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from pareto_ltl.kernels.data import Corners, Faces
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from plane_kernels.types import Corners, Faces, FloatArray, IntArray
 from typed_kernels.jit import kernel, vector
 
 ROUNDING = 1e-3  # [m] largest rounding error of a bound
 
 
-class Near(NamedTuple):
-    """Bounding boxes of all flights, and the polygons near them.
-
-    Attributes
-    ----------
-    box : (T+1, 4) float
-        Bounding box of all positions after each step: centre (x, y), half width and half height [m].
-    shown_first : (T+2,) int, shown : int
-        Polygons ``shown[shown_first[t]:shown_first[t + 1]]`` are near at step t.
-    met_first : (T+1,) int, met : int
-        Barriers ``met[met_first[t]:met_first[t + 1]]`` are near the segments from step t.
-    crossed_first : (T+1,) int, crossed : int
-        The same for hazards and their segments.
-    """
-
-    box: FloatArray
-    shown_first: IntArray
-    shown: IntArray
-    met_first: IntArray
-    met: IntArray
-    crossed_first: IntArray
-    crossed: IntArray
-
-
 class SegmentBox(NamedTuple):
-    """Bounding box of the segments of all flights from one step: centre, half width and half height [m]."""
+    """Bounding box of all segments from one cloud to the next: centre, half width and half height [m]."""
 
     x: float
     y: float
@@ -60,7 +35,10 @@ def least_and_most(row: FloatArray) -> tuple[float, float]:
 
 @kernel
 def enclose(mean: FloatArray, off: FloatArray, box: FloatArray) -> None:
-    """Fill ``box`` (T+1, 4) with bounding boxes of the flights ``mean`` (T+1, 2) + ``off`` (T+1, 2, n)."""
+    """Fill ``box`` (T+1, 4) with bounding boxes of the clouds ``mean`` (T+1, 2) + ``off`` (T+1, 2, n) [m].
+
+    A box is its centre (x, y), half width and half height.
+    """
     for t in range(len(mean)):
         for c in range(2):
             low, high = least_and_most(off[t, c])
@@ -68,11 +46,14 @@ def enclose(mean: FloatArray, off: FloatArray, box: FloatArray) -> None:
 
 
 @kernel
-def list_shown(faces: Faces, floor: float, near: Near) -> None:
-    """List the polygons from which some position may have a signed distance above ``floor`` [m]."""
-    count, box = 0, near.box
+def list_entered(faces: Faces, floor: float, box: FloatArray, first: IntArray, entered: IntArray) -> None:
+    """List in ``entered`` the polygons in which some point of a cloud may lie ``floor`` [m] deep or more.
+
+    The polygons of cloud t are ``entered[first[t]:first[t + 1]]``; a negative depth is a distance outside.
+    """
+    count = 0
     for t in range(len(box)):
-        near.shown_first[t] = count
+        first[t] = count
         for part in range(len(faces.ptr) - 1):
             limit = math.inf
             for j in range(faces.ptr[part], faces.ptr[part + 1]):
@@ -82,14 +63,14 @@ def list_shown(faces: Faces, floor: float, near: Near) -> None:
                 if limit < floor - ROUNDING:
                     break
             if limit >= floor - ROUNDING:
-                near.shown[count] = part
+                entered[count] = part
                 count += 1
-    near.shown_first[len(box)] = count
+    first[len(box)] = count
 
 
 @kernel
 def segment_box(box: FloatArray, t: int) -> SegmentBox:
-    """The box of the segments from step ``t`` to the next, from the boxes of positions (T+1, 4)."""
+    """The box of the segments from cloud ``t`` to the next, from the boxes of the clouds (T+1, 4)."""
     west = min(box[t, 0] - box[t, 2], box[t + 1, 0] - box[t + 1, 2])
     east = max(box[t, 0] + box[t, 2], box[t + 1, 0] + box[t + 1, 2])
     south = min(box[t, 1] - box[t, 3], box[t + 1, 1] - box[t + 1, 3])
@@ -145,7 +126,7 @@ def list_met(
 ) -> None:
     """List in ``met`` the polygons to which some segment may be closer than ``reach`` [m].
 
-    The polygons near the segments from step t are ``met[first[t]:first[t + 1]]``.
+    The polygons near the segments from cloud t are ``met[first[t]:first[t + 1]]``.
     """
     count = 0
     for t in range(len(box) - 1):

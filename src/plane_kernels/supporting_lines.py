@@ -1,4 +1,4 @@
-"""Supporting lines: the half planes that keep a segment of a path away from convex polygons.
+"""Supporting lines: the half planes that keep a segment away from convex polygons.
 
 A line with the unit normal c supports a polygon if c'v <= h(c) = max_v c'v for its corners v. A segment both
 of whose ends lie beyond such a line cannot meet the polygon, so the probability of a collision is at most the
@@ -16,9 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Corners, Cov, Gaussian, Point
-from pareto_ltl.kernels.gaussian import tail, variance_along
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.gaussian import tail, variance_along
+from plane_kernels.types import BoolArray, Corners, Cov, FloatArray, Gaussian, IntArray, Point
 from typed_kernels.jit import allocating, kernel
 
 FAR = 6.0  # standard deviations beyond which a polygon adds less than 1e-9

@@ -1,11 +1,11 @@
-"""Signed distances of segments from convex polygons, as events of :mod:`pareto_ltl.kernels.margin`."""
+"""Signed distances of segments from convex polygons, and where and in which direction they are measured."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
-from pareto_ltl.kernels.data import Corners, Faces, Point
+from plane_kernels.types import Corners, Faces, Point
 from typed_kernels.jit import kernel
 
 CERTAIN = 1e18  # [m] margin of a condition that cannot fail; -CERTAIN: of one that cannot hold
@@ -13,10 +13,10 @@ TINY = 1e-300
 
 
 class Event(NamedTuple):
-    """A signed distance ``margin`` [m] of one point of a flight, and its gradient.
+    """A signed distance ``margin`` [m] of one point of a sequence of segments, and its gradient.
 
-    The point is at ``share`` (0 to 1) of the segment from step ``t`` to the next; the gradient of the margin
-    with respect to it is the unit vector (``nx``, ``ny``).
+    The point is at ``share`` (0 to 1) of segment ``t``; the gradient of the margin with respect to it is the
+    unit vector (``nx``, ``ny``).
     """
 
     margin: float

@@ -1,30 +1,21 @@
-"""Settings of the studies, each a pipeline."""
+"""Settings of the studies, each a pipeline, and of sweeps."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from pareto_ltl.settings.checks import (
-    SEEDS,
-    CheckedSettings,
-    check_outline,
-    check_time,
-    other_default,
-    setting,
-)
-from pareto_ltl.settings.fidelity import (
-    COLLISION_BOUNDS,
-    LAWS,
-    MISSION_BOUNDS,
-    PRESETS,
-    REFINEMENTS,
-)
-from pareto_ltl.settings.wind import GP_KERNELS
+from pareto_ltl.extend import CheckedSettings, FidelityConfig, WindConfig, check_time, setting
+from pareto_ltl.settings.checks import SEEDS
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.levels import parse_level
 from pareto_ltl.support.messages import shown_value, wrong_value
+from pareto_ltl_apps.formats.settings import check_outline
 
+if TYPE_CHECKING:
+    from pareto_ltl import Settings
+
+LAWS, PRESETS = (FidelityConfig.declared(name).choices for name in ("law", "name"))
 KEEP = ("all", "recommended")  # starts of a departure study whose directories are written
 METHODS = ("paper", "smoothed", "full", "cc_rrt", "ml_rrt", "calm_shortest")
 FACTOR_SECTIONS = {  # sections of the factors of an ablation
@@ -41,14 +32,23 @@ INLAND_OUTLINE = (  # the interior of the contiguous United States, corners [lon
 )  # fmt: skip
 
 
-def all_of(choices: tuple[str, ...], key: str) -> Any:
-    """A list of values of the setting ``key``; by default all ``choices``."""
-    return setting(list(choices), f"values of {key}", choices=choices, distinct=True)
+def all_of(section: type[CheckedSettings], name: str) -> Any:
+    """A list of values of the setting ``name`` of ``section``; by default all its choices."""
+    choices = section.declared(name).choices
+    return setting(list(choices), f"values of {section.section}.{name}", choices=choices, distinct=True)
+
+
+def other_default(section: type[CheckedSettings], name: str, default: Any) -> Any:
+    """The setting ``name`` of ``section`` with another default, for a section that is a preset of it."""
+    declared = section.declared(name)
+    return setting(default, **{item.name: getattr(declared, item.name) for item in fields(declared)})
 
 
 @dataclass
-class EvaluationConfig(CheckedSettings, section="evaluation"):
+class EvaluationConfig(CheckedSettings, section="evaluation", after="pipelines"):
     """Settings that all studies share (pipelines compare, convergence, ablation, hindcast, forecast_test)."""
+
+    acts: ClassVar = {"cluster": "send code to the cluster {}", "resume": "continue the run in {}"}
 
     seeds: list[int] = setting(
         list(range(20)), "seeds of the planner, one plan for each", SEEDS, distinct=True
@@ -88,6 +88,8 @@ class AblationConfig(CheckedSettings, section="ablation"):
     Factors of ``SETTING_FACTORS`` are varied by default, ``MODEL_FACTORS`` only if they are listed.
     """
 
+    gone: ClassVar = FidelityConfig.gone  # of the parents, too
+
     factors: list[str] = setting(
         list(SETTING_FACTORS), "factors to vary", choices=tuple(FACTOR_SECTIONS), distinct=True
     )
@@ -107,12 +109,12 @@ class AblationConfig(CheckedSettings, section="ablation"):
     dt: list[int] = setting(
         [1, 2, 4, 8, 16], "number of parts into which a time step is divided", "[1, 10_000]", distinct=True
     )
-    kernel: list[str] = all_of(GP_KERNELS, "wind.kernel")
+    kernel: list[str] = all_of(WindConfig, "kernel")
     ball: list[float] = setting([0.0, 1.0, 2.0, 3.0], "values of wind.ball", "[0, 100]", distinct=True)
-    law: list[str] = all_of(LAWS, "fidelity.law")
-    mission_bound: list[str] = all_of(MISSION_BOUNDS, "fidelity.mission_bound")
-    collision_bound: list[str] = all_of(COLLISION_BOUNDS, "fidelity.collision_bound")
-    refine: list[str] = all_of(REFINEMENTS, "fidelity.refine")
+    law: list[str] = all_of(FidelityConfig, "law")
+    mission_bound: list[str] = all_of(FidelityConfig, "mission_bound")
+    collision_bound: list[str] = all_of(FidelityConfig, "collision_bound")
+    refine: list[str] = all_of(FidelityConfig, "refine")
 
 
 @dataclass
@@ -175,7 +177,7 @@ class ForecastTestConfig(CheckedSettings, section="forecast_test"):
         "[5, 10_000]",
     )
     fidelities: list[str] = setting(
-        ["full"], "presets of fidelity to plan with", choices=tuple(PRESETS), distinct=True
+        ["full"], "presets of fidelity to plan with", choices=PRESETS, distinct=True
     )
     plans: int = setting(
         0,
@@ -302,6 +304,11 @@ class LevelsConfig(CheckedSettings, section="levels"):
                 raise ConfigError(f"levels.starts must be ISO 8601 times, got {shown_value(time)} in it")
             check_time("levels.starts", time)
 
+    def complete(self, settings: Settings) -> None:
+        """Take the first level for ``wind.level=auto``: the map of the study is made with it."""
+        if settings.wind.level == "auto" and self.levels:
+            settings.wind = replace(settings.wind, level=self.levels[0])
+
 
 @dataclass
 class ReplanningConfig(CheckedSettings, section="replanning"):
@@ -338,3 +345,17 @@ class SitlConfig(CheckedSettings, section="sitl"):
         choices=("cas", "tas"),
     )
     drawn: int = setting(40, "flights of each simulation that the map shows", "[0, 1e4]")
+
+
+@dataclass
+class SweepConfig(CheckedSettings, section="sweep"):
+    """How a sweep resumes and what its figure shows; no result of a run depends on it."""
+
+    result = False
+
+    resume: bool = setting(True, "keep finished jobs and run only those that failed, were killed or are new")
+    x: str | None = setting(
+        None, "horizontal axis of the figure: a swept setting or a metric; null: the first swept setting"
+    )
+    y: str | None = setting(None, "vertical axis of the figure: a metric; null: the failure rate")
+    by: str | None = setting(None, "one color in the figure for each value of this swept setting")

@@ -1,19 +1,18 @@
-"""The normal distribution, its update by a position fix, and the paper's probabilities, Eqs. (6) and (10)."""
+"""The normal distribution in the plane, its update by a measurement, and bounds for convex polygons."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
-from pareto_ltl.kernels.data import Cov, Faces, Gaussian, Linear
-from pareto_ltl.support.arrays import IntArray
+from plane_kernels.types import Cov, Faces, Gaussian, IntArray, Linear
 from typed_kernels.jit import inlined, kernel
 
 SQRT_HALF = math.sqrt(0.5)
 
 
 class FixWeights(NamedTuple):
-    """What a fix with the error R makes of a deviation with the covariance Σ: L of L L' = Σ + R, and K.
+    """How a measured position with the error R updates a position with the covariance Σ: L L' = Σ + R, and K.
 
     ``gain`` is K = Σ (Σ + R)⁻¹; L is lower triangular [m].
     """
@@ -26,7 +25,7 @@ class FixWeights(NamedTuple):
 
 @kernel
 def fix_weights(cov: Cov, error: Cov) -> FixWeights:
-    """The weights of a fix with the error ``error`` = R [m²] for a deviation with ``cov`` = Σ [m²].
+    """The weights of a measurement with the error ``error`` = R [m²] for a position with ``cov`` = Σ [m²].
 
     Eq. (M26) of docs/mathematics.md.
     """
