@@ -29,6 +29,7 @@ from pareto_ltl.planning.refine import (
     sampled_paths,
     sweep,
 )
+from pareto_ltl.planning.refine.effort import COARSE
 from pareto_ltl.planning.refine.sampled import Candidate, resampled_means, steps_needed
 from pareto_ltl.planning.refine.separation import separation
 from pareto_ltl.planning.refine.starts import (
@@ -128,14 +129,17 @@ def test_a_coarse_search_is_limited_and_its_own_coarse_search():
     assert RefineConfig(points=3).coarse().points == 3
 
 
-def test_the_effort_of_a_search_comes_from_the_settings_and_one_scout_from_coarse_ones():
+def test_the_effort_of_a_search_comes_from_the_settings_and_is_less_with_coarse_ones():
     cfg = RefineConfig(flights=700, sweep_flights=90, classes=3, points=17)
     effort = Effort.of(cfg)
     assert (effort.flights, effort.sweep_flights, effort.classes, effort.points) == (700, 90, 3, 17)
     coarse = Effort.of(cfg.coarse())
-    assert (effort.scouts, coarse.scouts) == (2, 1)
-    limited = {"flights": 700, "classes": 3, "points": 17, "scouts": 2}
-    assert replace(coarse, **limited) == effort  # nothing else differs
+    for name, value in COARSE.items():
+        usual = getattr(effort, name)
+        assert getattr(coarse, name) == value
+        assert value > usual if name == "spacing" else value < usual
+    limited = {"flights": 700, "classes": 3, "points": 17}
+    assert replace(coarse, **limited, **{name: getattr(effort, name) for name in COARSE}) == effort
     widths = [list(passes[0]) for passes in (effort.first, effort.sweep, effort.wide, effort.last)]
     assert all(own == sorted(own, reverse=True) for own in widths)
 
@@ -482,21 +486,19 @@ def looked(grown):
     return begun, levels.looks(begun, first_starts(problem, forest))
 
 
-def test_a_longer_class_that_few_flights_rate_no_better_is_tried_on_all(looked):
-    """Its path is on the front only if it fails less, and has another class than the safest point."""
+def test_a_second_scout_goes_on_from_the_looks_of_the_first(looked):
+    """It flies the same paths with its own flights, and sorts them by these."""
     begun, seen = looked
-    best = {begun.class_of(k): k for k in sorted(seen, key=sweep.smoothed, reverse=True)}
-    assert len(best) >= 2
-    tried = 0
-    for own, safest in best.items():
-        rivals = last_polish.rival_points(begun, seen, [safest])
-        tried += len(rivals)
-        for k in rivals:
-            assert begun.class_of(k) != own
-            assert k.length <= EFFORT.lengthened**2 * max(start.length for start in seen) * (1.0 + 1e-6)
-            assert k.smoothed < EFFORT.worth * safest.smoothed
-    assert last_polish.rival_points(begun, seen, []) == []
-    assert tried
+    begun = replace(begun, effort=replace(EFFORT, scouts=2))
+    first, second = front_sweep.scouts(begun)
+    own = second.compared(seen)
+    assert [k.smoothed for k in own] == sorted(k.smoothed for k in own)
+    assert {k.flight.x.tobytes() for k in own} == {k.flight.x.tobytes() for k in seen}
+    width = begun.polish_of(EFFORT.sweep).widths[-1]
+    for k in own[:3]:
+        there = second.refiner.assessed(k.flight, second.few, width)
+        assert k.smoothed == there.smoothed
+        assert k.smoothed != first.refiner.assessed(k.flight, first.few, width).smoothed
 
 
 def test_a_path_is_polished_in_the_fewest_steps_and_its_own_and_in_more_where_it_may_be_slower(looked):
@@ -542,7 +544,9 @@ def test_where_the_best_order_breaks_epsilon_another_one_is_searched():
         planner = replace(PLANNER, epsilon=epsilon)
         problem = make_problem("F a | F b", scene, wind, robot, planner, fidelity="full")
         flights = draw_flights(problem, "coherent", REFINE.flights, SeedSequence(5))
-        found = sampled_paths(EFFORT, problem, grow_forest(planner, problem, SeedSequence(3)), flights)
+        found = sampled_paths(
+            EFFORT, problem, grow_forest(planner, problem, SeedSequence(3)), first_of(flights)
+        )
         rows = ((path_class(problem, p.x), separation(problem, propagate(problem, p.x)).risk) for p in found)
         return {("".join(sorted(kind.order[-1][1])), bool(risk.max() <= 0.02)) for kind, risk in rows}
 
@@ -564,7 +568,7 @@ def test_where_all_searches_break_epsilon_the_nearest_paths_are_led_past_other_s
     through = begun.refiner.assessed(propagate(problem, straight), begun.few, 100.0, "through the gap")
     monkeypatch.setattr(front_sweep, "finished", lambda *_: [through])
 
-    found = sampled_paths(EFFORT, problem, grow_forest(planner, problem, SeedSequence(3)), flights)
+    found = sampled_paths(EFFORT, problem, grow_forest(planner, problem, SeedSequence(3)), first_of(flights))
     risks = {p.origin: float(separation(problem, propagate(problem, p.x)).risk.max()) for p in found}
     assert risks["through the gap, refined"] > 0.02
     kept = [origin for origin, risk in risks.items() if risk <= 0.02]

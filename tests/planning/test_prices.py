@@ -18,7 +18,7 @@ from pareto_ltl.planning.refine import Effort, prices, programme, sampled_paths
 from pareto_ltl.planning.refine.sampled import Polish, Refiner
 from pareto_ltl.planning.refine.separation import separation
 from pareto_ltl.planning.refine.sweep import first_of
-from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
+from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
 from pareto_ltl.support.arrays import length_of
 from problems import box, make_problem, make_scene, smooth_wind
 
@@ -47,10 +47,10 @@ def task(wider: float = 0.0, thicker: float = 0.0):
 def planned():
     """The problem, its shortest refined path, and flights of it."""
     problem, planner = task()
-    cfg = RefineConfig(flights=300, sweep_flights=100, classes=2, points=4)
+    effort = Effort(flights=300, sweep_flights=100, classes=2, points=4, scouts=1)
     flights = draw_flights(problem, "coherent", 1200, SeedSequence(1))
     forest = grow_forest(planner, problem, SeedSequence(3))
-    path = sampled_paths(Effort.of(cfg), problem, forest, first_of(flights))[0]
+    path = sampled_paths(effort, problem, forest, first_of(flights))[0]
     return problem, path, simulate_flights(problem, path.u, 4000, "coherent", SeedSequence(2), path.x).x
 
 

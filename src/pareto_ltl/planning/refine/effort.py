@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TypeAlias
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
 
 from pareto_ltl.settings import RefineConfig
 
@@ -14,8 +14,8 @@ Passes: TypeAlias = tuple[tuple[float, ...], int]  # widths τ [map sizes] in tu
 class Effort:
     """The numbers of a search: counts and ratios, without a unit where none is given.
 
-    Section ``refine`` of the settings gives ``flights``, ``sweep_flights``, ``classes`` and ``points``, and
-    coarse settings give one of the two ``scouts``. All other numbers are the same for every search.
+    Section ``refine`` of the settings gives ``flights``, ``sweep_flights``, ``classes`` and ``points``.
+    Coarse settings have the values of :data:`COARSE`, too. All other numbers are the same for every search.
     """
 
     # --- flights and scouts ---
@@ -23,7 +23,7 @@ class Effort:
     sweep_flights: int
     classes: int
     points: int
-    scouts: int  # sweeps fitted to different flights: more flights made seeds agree no better
+    scouts: int = 2  # sweeps fitted to different flights: more flights made seeds agree no better
     more_flights: int = 4  # times as many flights are used where failures are rare
     sweep_share: float = 0.75  # of a time budget, after which only the last polish is left
 
@@ -46,7 +46,7 @@ class Effort:
 
     # --- first looks ---
     looked_lines: int = 12  # the best lines that are polished; every seed has the same ones
-    looked_grown: int = 16  # the best tree paths, which do not compete with lines
+    looked_grown: int = 6  # the best tree paths, which do not compete with lines
     looked_longest: int = 4  # the longest starts, which fail little only once they are polished
     loose: float = 1.1  # factor by which the first polish may lengthen a start
     flipped: int = 2  # candidates that are tried on the other side of obstacles
@@ -71,9 +71,6 @@ class Effort:
     plateau: float = 1.5  # levels of the sweep: in a wider gap longer paths do not fail less
     gaps: int = 3  # of a front that are divided in a round
     lengthened: float = 1.05  # ratio of the caps beyond the longest point
-    rivals: int = 2  # classes that may be safer at longer lengths
-    rival_rounds: int = 2  # how often they are polished
-    near: float = 1.2  # times the failures of the safest path, up to which a rival is polished once more
     few: int = 3  # failures of all flights, below which a path is not made safer
     rare: int = 30  # failures of all flights, below which more flights are used
     economic: int = 8  # points of a front, at most, that are tried at lower airspeeds
@@ -98,9 +95,9 @@ class Effort:
 
     @classmethod
     def of(cls, cfg: RefineConfig) -> Effort:
-        """The effort that section ``refine`` asks for; one scout if ``cfg`` is coarse."""
-        scouts = 1 if cfg == cfg.coarse() else 2
-        return cls(cfg.flights, cfg.sweep_flights, cfg.classes, cfg.points, scouts)
+        """The effort that section ``refine`` asks for."""
+        effort = cls(cfg.flights, cfg.sweep_flights, cfg.classes, cfg.points)
+        return replace(effort, **COARSE) if cfg == cfg.coarse() else effort
 
     @property
     def all_flights(self) -> int:
@@ -108,4 +105,8 @@ class Effort:
         return self.more_flights * self.flights
 
 
+COARSE: dict[str, Any] = {  # of a first impression, a quarter of the CPU time of the usual effort
+    "scouts": 1, "looked_lines": 6, "looked_longest": 2, "flipped": 1, "led": 2,
+    "spacing": 1.06, "economic": 3,
+}  # fmt: skip
 USUAL = Effort.of(RefineConfig())  # of a caller that asks for starts without a search

@@ -1,14 +1,14 @@
 """The front of failure rate and length: sweeps of the length cap in the best classes of paths.
 
-Scouts (:func:`scouts`), each with other flights, rank all starts by one simulation, polish the most
-promising cheaply (``looks``), and find the lengths that reduce the failure rate. From the longest of these
-the cap falls until no path satisfies it (``levels``). A level begins with the best classes of the level
-before, in several numbers of steps from the fewest upwards.
+Scouts (:func:`scouts`) have different flights. The first one ranks all starts by one simulation and polishes
+the most promising cheaply (``looks``); the others fly what it found with their flights. Each finds the
+lengths that reduce the failure rate, and from the longest of these its cap falls until no path satisfies it
+(``levels``). A level begins with the best classes of the level before, in several numbers of steps from the
+fewest upwards.
 
 The paths of all scouts are then compared by the same flights. Points along their front are polished on more
-flights; the safest is lengthened, and classes that may be safer at longer lengths are tried. More points come
-into the widest gaps, and all are polished at last within the chance constraints of all segments
-(``last_polish``).
+flights, and the safest is lengthened. More points come into the widest gaps, and all are polished at last
+within the chance constraints of all segments (``last_polish``).
 
 For a robot with a power curve, points of the front are also polished in more steps: at lower airspeeds a path
 may take less energy.
@@ -94,7 +94,7 @@ def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Can
     """
     effort, seen, known = sweep.effort, list[Candidate](), list[Candidate]()
     for scout in scouts(sweep):
-        seen = looks(scout, starts)
+        seen = scout.compared(seen) if seen else looks(scout, starts)
         known += _compared(sweep, scout, swept(scout, seen))
     ended = _ended(sweep, finished(sweep, known))
     if not _keep_epsilon(sweep, ended):
@@ -110,7 +110,7 @@ def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Can
 def _compared(sweep: Sweep, scout: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
     """The front of what a scout has ``found``, and the best of each class, by the flights of ``sweep``."""
     chosen = {id(k): k for k in (*front_of(found), *scout.best_of_classes(found, more=sweep.effort.compared))}
-    return on_all_cores(sweep.reassessed, chosen.values())
+    return on_all_cores(partial(sweep.reassessed, flights=sweep.flights), chosen.values())
 
 
 def _keep_epsilon(sweep: Sweep, ended: Iterable[tuple[Candidate, Candidate]]) -> bool:
@@ -196,9 +196,6 @@ def finished(sweep: Sweep, known: Sequence[Candidate]) -> list[Candidate]:
         _report(sweep, 0, front)
     found = front_of(last_polish.finished_points(sweep, front))
     found = front_of([*found, *last_polish.lengthened_points(sweep, found)])
-    if rivals := last_polish.rival_points(sweep, known, found):
-        found = front_of([*found, *rivals])
-        found = front_of([*found, *last_polish.lengthened_points(sweep, found)])
     found = last_polish.divided_gaps(sweep, found)
     _report(sweep, 1, found)
     return [*found, *last_polish.slower_points(sweep, found)]

@@ -36,30 +36,6 @@ def finished_points(sweep: Sweep, front: Sequence[Candidate]) -> list[Candidate]
     return on_all_cores(one, [*points[::2], *points[1::2]])  # with little time, every other one
 
 
-def rival_points(sweep: Sweep, known: Iterable[Candidate], found: Sequence[Candidate]) -> list[Candidate]:
-    """Longer paths of other classes than the safest one ``found`` that fail less, polished on all flights.
-
-    Few flights cannot tell which class is safer if hardly any of them fail. The best paths of some
-    classes are tried at their lengths and a little longer, and those once more that come near the safest one.
-    """
-    if not found:
-        return []
-    effort, safest, made = sweep.effort, found[-1], list[Candidate]()
-    longer = [k for k in known if k.length > safest.length]
-    own = sweep.class_of(safest)
-    best = [k for k in sweep.best_of_classes([safest, *longer], more=1) if sweep.class_of(k) != own]
-
-    def one(rival: tuple[Candidate, float]) -> Candidate:
-        k, times = rival
-        return k if sweep.budget.over() else _finished(sweep, k, times * k.length)
-
-    for _ in range(effort.rival_rounds):
-        new = on_all_cores(one, product(best[: effort.rivals], (1.0, effort.lengthened)))
-        best = sweep.best_of_classes(k for k in new if k.smoothed < effort.near * safest.smoothed)
-        made += new
-    return [k for k in made if k.smoothed < effort.worth * safest.smoothed]
-
-
 def lengthened_points(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
     """The safest of the finished points lengthened, until two lengths in a row do not reduce the failure.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -114,10 +115,15 @@ class Sweep:
         """By how much the segments of ``flight`` exceed epsilon; 0 if all keep it."""
         return self.closing.penalty(flight, math.inf)
 
-    def reassessed(self, k: Candidate) -> Candidate:
+    def reassessed(self, k: Candidate, flights: CommonFlights) -> Candidate:
         """A path of another search, with its failures in ``flights``."""
         width = self.polish_of(self.effort.sweep).widths[-1]
-        return self.refiner.assessed(k.flight, self.flights, width, k.origin)
+        return self.refiner.assessed(k.flight, flights, width, k.origin)
+
+    def compared(self, found: Iterable[Candidate]) -> list[Candidate]:
+        """The paths ``found`` by another scout, with their failures in the few flights of this one."""
+        few = partial(self.reassessed, flights=self.few)
+        return sorted(on_all_cores(few, found), key=smoothed)
 
     def class_of(self, k: Candidate) -> PathClass:
         """The class of ``k``."""
