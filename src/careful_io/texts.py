@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 SLOW = 3.0  # [m/s] speeds of what is never faster have two decimals
-NEGLIGIBLE = 1e-9  # smaller probabilities are below the accuracy of any wind model
+NEGLIGIBLE = 1e-9  # smaller probabilities are below the accuracy of any model
 
 
 def probability_text(value: float) -> str:

@@ -51,7 +51,7 @@ def test_a_file_that_h5netcdf_cannot_open_is_discarded_without_exception_ignored
 def test_without_our_attribute_h5netcdf_prints_exception_ignored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If this fails, h5netcdf is mended, and ``support/netcdf4.py`` can go."""
+    """If this fails, h5netcdf is mended, and ``careful_io/netcdf4.py`` can go."""
     monkeypatch.delattr(netcdf4.File, "_writable")
     heard = noise_of_damaged_files(tmp_path / "wind.nc", monkeypatch)
     assert heard
