@@ -18,10 +18,10 @@ from typing import Any
 from PIL import Image
 
 import pareto_ltl
+from careful_io.files import write_bytes, write_text
+from careful_io.yaml_files import read_yaml
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.support.files import write_bytes, write_text
 from pareto_ltl.support.resources import choice_file
-from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl_apps.view.figures import Drawing
 
 ROOT = Path(__file__).parents[1]

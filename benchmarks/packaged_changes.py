@@ -29,11 +29,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize, stats
 
+from careful_io.files import write_json
+from careful_io.times import HOUR
 from packaged_laws import rounded
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.support.files import write_json
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.change_law import ChangeLaw
 from pareto_ltl.wind.law_of_parts import LawOfParts
 from pareto_ltl.wind.named_laws import PARTS_FOLDER, law_named, law_of_parts_named

@@ -27,10 +27,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from careful_io.files import write_json
+from careful_io.times import HOUR
 from packaged_laws import rounded
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.files import write_json
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import LOCAL, SLOW, LawPart, TailScale
 from pareto_ltl.wind.law_of_parts import OWN, LawOfParts
 from pareto_ltl.wind.named_laws import PARTS_FOLDER

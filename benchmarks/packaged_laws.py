@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.files import write_json
-from pareto_ltl.support.times import HOUR
+from careful_io.files import write_json
+from careful_io.times import HOUR
 from pareto_ltl.wind.error_law import LASTING
 from pareto_ltl.wind.law_of_parts import LawOfParts
 from pareto_ltl.wind.named_laws import PARTS_FOLDER, law_of_parts_named

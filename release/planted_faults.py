@@ -59,7 +59,7 @@ def of_tests(*words: str, uncompiled: bool = False) -> tuple[str, ...]:
 
 
 CORE, VERIFY, APPS = "src/pareto_ltl", "src/pareto_ltl_verify", "src/pareto_ltl_apps"
-TIMES, FILES, BRANCHING = f"{CORE}/support/times.py", f"{CORE}/support/files.py", "docs/branching.md"
+TIMES, FILES, BRANCHING = "src/careful_io/times.py", "src/careful_io/files.py", "docs/branching.md"
 REPORTED = "faults[f\"branch {row['name']}: {row['where']}\"] = "
 SKIP_SEARCH = (
     "set -e; step() { :; }; work=$PWD; touch tests.log kernels.log night.log; "
@@ -155,7 +155,7 @@ FAULTS = (
     Fault(
         "whole files", "a file that is written in its place", FILES,
         'draft = path.with_name(f".{os.getpid()}.{path.name}")', "draft = path",
-        of_tests("tests/support/test_files.py"), "FAILED",
+        of_tests("tests/careful_io/test_files.py"), "FAILED",
     ),
     Fault(
         "n-th call", "drafts that stay", FILES, "        draft.unlink(missing_ok=True)\n\n\ndef _flush",

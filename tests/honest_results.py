@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pareto_ltl
-from pareto_ltl.support.files import write_csv, write_json
+from careful_io.files import write_csv, write_json
+from careful_io.times import seconds
 from pareto_ltl.support.resources import SAMPLE_WINDS
-from pareto_ltl.support.times import seconds
 from pareto_ltl.wind.named_laws import law_of_parts_named
 from quick_wind import QUICK_WIND
 

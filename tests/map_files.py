@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import shapely
 
+from careful_io.messages import LONGEST_LINE
 from map_samples import box
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import LONGEST_LINE
 from pareto_ltl.world.scene_settings import scene_from_settings
 
 KML = '<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document>{}</Document></kml>'

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from pareto_ltl.support.times import seconds
+from careful_io.times import seconds
 from pareto_ltl_apps.formats import download, live
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from careful_io.times import HOUR
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import GROWING, LASTING, SLOW, LawPart, TailScale
 from pareto_ltl.wind.law_of_parts import OBSERVED, LawOfParts
 from pareto_ltl_apps.wind_errors.point_forecasts import PointForecasts

@@ -26,9 +26,9 @@ from threadpoolctl import threadpool_info
 
 import golden
 import pareto_ltl
+from careful_io.yaml_files import read_yaml
 from honest_results import forecasts, light_law
 from pareto_ltl.support.resources import choice_file
-from pareto_ltl.support.yaml_files import read_yaml
 from small_plans import BEACONS, COMMON, PHI1, phi1
 from wind_files import ensemble
 

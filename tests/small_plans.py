@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 import pareto_ltl
+from careful_io.yaml_files import read_yaml
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.resources import choice_file
-from pareto_ltl.support.yaml_files import read_yaml
 from quick_wind import QUICK_WIND
 
 REFINED = {"flights": 20, "sweep_flights": 10, "classes": 1, "points": 2}

@@ -62,6 +62,7 @@ def circles(package: Path) -> list[list[str]]:
         "pareto_ltl",
         "pareto_ltl_apps",
         "pareto_ltl_verify",
+        "careful_io",
         "ltlf",
         "plane_kernels",
         "typed_kernels",

@@ -15,10 +15,10 @@ import pytest
 import yaml
 
 import pareto_ltl
+from careful_io.fingerprints import file_hashes
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import Settings
 from pareto_ltl.support import resources, schemas
-from pareto_ltl.support.fingerprints import file_hashes
 from pareto_ltl_apps.view.components import MODULES, STYLE
 from pareto_ltl_apps.view.page.content import SCRIPTS
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from careful_io.times import seconds
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.times import seconds
 from published import score
 from published.dataset import FOLDER, missions, true_problem
 from published.planners import PLANNERS

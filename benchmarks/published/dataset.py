@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from careful_io.times import HOUR, seconds
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import (
@@ -20,7 +21,6 @@ from pareto_ltl.settings import (
     WindConfig,
     preset,
 )
-from pareto_ltl.support.times import HOUR, seconds
 from pareto_ltl.wind.field import wind_lattice
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.wind.sources import read_readings

@@ -24,12 +24,12 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.times import HOUR, iso, seconds
 from pareto_ltl import Readings, Scene
 from pareto_ltl.extend import Snapshot
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError, InfeasibleError
-from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl_apps.formats.snapshots import known_at, latest_readings
 from pareto_ltl_apps.studies.random_missions import mission, spells
 from pareto_ltl_apps.studies.settings import ForecastTestConfig

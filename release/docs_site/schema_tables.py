@@ -6,8 +6,9 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from careful_io.schemas import TYPE_WORDS
 from pareto_ltl.support.resources import PACKAGE
-from pareto_ltl.support.schemas import FOLDER, SCHEMA_NAMES, TYPE_WORDS, schema_text
+from pareto_ltl.support.schemas import FOLDER, SCHEMA_NAMES, schema_text
 
 MARK = "<!-- schemas -->"
 HEAD = "| key | value | meaning |\n|---|---|---|"

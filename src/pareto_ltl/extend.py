@@ -18,7 +18,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from pareto_ltl.support.stated_names import stated_names
+from careful_io.stated_names import stated_names
 
 __all__ = sorted(stated_names(__file__))  # noqa: PLE0605
 

@@ -17,13 +17,13 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from careful_io.fingerprints import unchanged
+from careful_io.links import is_below
+from careful_io.messages import shown_text, shown_value
 from pareto_ltl import Settings
 from pareto_ltl.extend import ALL_WIND, wind_source, wind_sources
 from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.fingerprints import unchanged
-from pareto_ltl.support.links import is_below
-from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl_apps.formats.map_formats import linked_files
 

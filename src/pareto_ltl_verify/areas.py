@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl_verify.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl_verify.geometry import in_plane, outline_distance, signed_area, within
 
 TOLERANCE = 0.5  # [m] between a drawn place and the true one

@@ -12,15 +12,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from pareto_ltl.support.archives import read_npz
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.fingerprints import file_fingerprint
-from pareto_ltl.support.links import refuse_links_out
-from pareto_ltl.support.reading import read_json
-from pareto_ltl.support.run_status import ending_text
-from pareto_ltl.support.yaml_files import read_yaml
+from careful_io.archives import read_npz
+from careful_io.errors import DataError
+from careful_io.fingerprints import file_fingerprint
+from careful_io.links import refuse_links_out
+from careful_io.reading import read_json
+from careful_io.yaml_files import read_yaml
 from pareto_ltl_verify import gaussians, laws
+from pareto_ltl_verify.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl_verify.flights import NONE, Ground, failures, fly
 from pareto_ltl_verify.formula import Dfa, Timetable, covers, losing, windows_of
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, convex
@@ -29,6 +28,7 @@ from pareto_ltl_verify.rare import rare_failures
 from pareto_ltl_verify.robot import Robot, energy_limits
 from pareto_ltl_verify.sources import Source, source_of
 from pareto_ltl_verify.wind_tables import ENSEMBLE, clock, read_wind_file
+from pareto_ltl_verify.wording import ending_text
 
 T = TypeVar("T")
 LAWS = ("independent", "coherent")

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import betaincinv
 from scipy.stats import chi2, chi2_contingency, hypergeom, ks_2samp
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl_verify.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl_verify.formula import Dfa, Label, Timetable, harmful
 from pareto_ltl_verify.gaussians import ON_EDGE
 from pareto_ltl_verify.geometry import Convex, beyond_bounds, deepest, met_by_any

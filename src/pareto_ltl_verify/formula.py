@@ -17,9 +17,9 @@ from unicodedata import normalize
 
 import numpy as np
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.names import QUOTED
+from careful_io.errors import DataError
+from careful_io.names import QUOTED
+from pareto_ltl_verify.arrays import BoolArray, FloatArray
 
 Label = frozenset[str]
 Window = tuple[str | None, float, float]  # region or None, first and last moment [s after departure]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr, owens_t
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl_verify.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl_verify.geometry import Convex
 
 ROUNDING = 1e-13  # below this the computed probability of a polygon is only rounding error

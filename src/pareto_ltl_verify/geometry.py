@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.support.projections import refuse_files
+from careful_io.projections import refuse_files
+from pareto_ltl_verify.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from pareto_ltl.support.errors import ParetoLtlError
+from careful_io.errors import UserError
 from pareto_ltl_verify.claims import (
     Claim,
     Verdict,
@@ -60,7 +60,7 @@ OF_A_DEPARTURE = frozenset({
     "settings: files that they name",  # of the first departure
 })  # fmt: skip
 UNUSABLE = (
-    ParetoLtlError, ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError,
+    UserError, ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError,
     ValueError, csv.Error, zlib.error,
 )  # fmt: skip
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.gaussians import in_polygon
 from pareto_ltl_verify.geometry import Convex, convex
 from pareto_ltl_verify.robot import NO_ERRORS, Errors, Robot

@@ -10,26 +10,23 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import BoolArray
-from pareto_ltl.support.display import (
-    SLOW,
-    allowed_text,
-    branched_text,
-    distance_text,
-    energy_text,
-    headline_text,
-    interval_text,
-    probability_text,
-    promised_text,
-    rate_text,
-    winds_text,
-)
-from pareto_ltl.support.medium import AIR, WATER, Medium
-from pareto_ltl.support.reading import read_text
+from careful_io.reading import read_text
+from careful_io.texts import SLOW, distance_text, energy_text, interval_text, probability_text, rate_text
+from pareto_ltl_verify.arrays import BoolArray
 from pareto_ltl_verify.claims.height import flown
 from pareto_ltl_verify.claims.plan import OBJECTIVES
 from pareto_ltl_verify.evidence import LAWS, Evidence, all_branches
 from pareto_ltl_verify.flights import failures, rate_of
+from pareto_ltl_verify.wording import (
+    AIR,
+    WATER,
+    Medium,
+    allowed_text,
+    branched_text,
+    headline_text,
+    promised_text,
+    winds_text,
+)
 
 FACTS = ("seed", "fidelity", "version", "code_hash", "config_hash", "python")  # of run.json, on the page
 SAMPLES = {"flights": "flights", "importance sampling": "weighted flights"}

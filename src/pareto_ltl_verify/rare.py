@@ -27,7 +27,7 @@ import numpy as np
 from numpy.random import Generator
 from scipy.special import gammaincinv, ndtr, ndtri
 
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl_verify.arrays import FloatArray, IntArray
 from pareto_ltl_verify.flights import Ground, fly
 from pareto_ltl_verify.geometry import Convex, beyond_bounds
 from pareto_ltl_verify.laws import Course, Law, fly_means

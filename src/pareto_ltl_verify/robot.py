@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl_verify.arrays import BoolArray, FloatArray
 
 PARTS = 2000  # time steps of a leg
 NODES = 12  # of a quadrature over each of a robot's errors

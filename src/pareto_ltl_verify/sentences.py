@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from pareto_ltl.support.display import listed_text, rate_text
+from careful_io.texts import listed_text, rate_text
 from pareto_ltl_verify import page_texts
 from pareto_ltl_verify.claims import close
 from pareto_ltl_verify.claims.exports import TABLE, column

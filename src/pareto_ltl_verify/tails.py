@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.random import Generator
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.laws import Coherent, Law
 from pareto_ltl_verify.wind_tables import HELD, OF_FORECASTS, TIME
 

@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import brentq
 
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import DataError
+from careful_io.errors import DataError
+from pareto_ltl_verify.arrays import FloatArray
 
 NEIGHBOURS = 250e3  # [m] standard deviation of the weights that average squared residuals
 PRIOR_WEIGHT = 0.5  # weight of the mean squared residual in that average

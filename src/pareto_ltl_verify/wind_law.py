@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_verify.arrays import FloatArray
 
 HOUR = 3600.0  # [s]
 FAR = 1e9  # [s] beyond every lead

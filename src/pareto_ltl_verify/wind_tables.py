@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.support.errors import DataError
+from careful_io.errors import DataError
+from pareto_ltl_verify.arrays import FloatArray, IntArray
 from pareto_ltl_verify.wind_fit import Fit
 from pareto_ltl_verify.wind_law import ErrorLaw, LawPart, error_law
 
@@ -130,7 +130,7 @@ class WindFile:
 
 def read_wind_file(path: Path) -> WindFile:
     """The content of ``wind.nc``; DataError if the file is not the wind of a run."""
-    from pareto_ltl.support.netcdf4 import opened_netcdf
+    from careful_io.netcdf4 import opened_netcdf
 
     try:
         with opened_netcdf(path) as file:

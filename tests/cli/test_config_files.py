@@ -54,6 +54,6 @@ def test_aliases_that_multiply_are_refused_before_hydra_follows_them(
 
 @pytest.mark.parametrize("path", sorted(resource_folder("conf").rglob("*.yaml")), ids=lambda path: path.stem)
 def test_the_shipped_files_are_within_the_limits(path: Path) -> None:
-    from pareto_ltl.support.yaml_files import read_yaml
+    from careful_io.yaml_files import read_yaml
 
     read_yaml(path)

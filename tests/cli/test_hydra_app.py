@@ -18,13 +18,13 @@ from typing import Any
 import pytest
 from hydra.types import RunMode
 
+from careful_io import machine
+from careful_io.error_lines import one_line
 from pareto_ltl.run import pipeline
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.record import Record
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.support import machine
-from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.resources import choices
 from pareto_ltl_apps.cli import composition

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pareto_ltl.support.fingerprints import file_fingerprint
-from pareto_ltl.support.times import HOUR
+from careful_io.fingerprints import file_fingerprint
+from careful_io.times import HOUR
 from pareto_ltl.wind.named_laws import LAWS_FOLDER, law_of_parts_named
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.wind_errors.point_forecasts import PointForecasts

@@ -22,7 +22,7 @@ from pareto_ltl.extend import record
 @record()
 def trouble(run: Run) -> int:
     """The seed, unless a file in the folder ``$TROUBLE`` names a fault."""
-    from pareto_ltl.support import files
+    from careful_io import files
     from pareto_ltl.support.errors import InfeasibleError
 
     settings, directory = run.settings, run.directory

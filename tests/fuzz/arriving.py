@@ -113,7 +113,7 @@ def pmtiles(place: Path) -> Fuzz:
 
 def requests(place: Path) -> Fuzz:
     """Bodies of ``POST /api/plans``."""
-    from pareto_ltl.support.reading import parse_json
+    from careful_io.reading import parse_json
     from pareto_ltl_apps.desk.folder import DeskFolder
     from pareto_ltl_apps.desk.missions import command_words
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from careful_io.files import write_json
 from pareto_ltl.logic import translate
 from pareto_ltl.logic.automaton_files import write_automaton
 from pareto_ltl.planning import plan_files
@@ -17,7 +18,6 @@ from pareto_ltl.planning.rates import FailureRate, Promise
 from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.simulation.records import Deployment, write_deployments
-from pareto_ltl.support.files import write_json
 from pareto_ltl.wind.named_laws import first_law
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.records import FORECAST, SPACE, TIME, WindEvidence, WindField, WindModes

@@ -30,10 +30,10 @@ import psutil
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis.errors import HypothesisWarning
 
+from careful_io.messages import LONGEST_LINE
 from fuzz.kinds import KIND_TARGETS
 from fuzz.records import CASES, Fuzz, Target
 from fuzz.targets import TARGETS
-from pareto_ltl.support.messages import LONGEST_LINE
 from unmeasured import untraced
 
 SECONDS = 10.0  # of one case

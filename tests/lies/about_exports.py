@@ -11,8 +11,8 @@ from typing import Any
 
 import h5py
 
+from careful_io.files import write_csv
 from lies.editing import Lie, in_json, put
-from pareto_ltl.support.files import write_csv
 from pareto_ltl_verify.flights import clopper_pearson
 
 TABLE = "exports: dead_reckoning.csv"

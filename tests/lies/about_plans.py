@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from careful_io.reading import read_json
 from lies.editing import (
     Lie,
     both,
@@ -18,7 +19,6 @@ from lies.editing import (
     scaled,
     setting,
 )
-from pareto_ltl.support.reading import read_json
 from pareto_ltl_verify.flights import clopper_pearson
 
 

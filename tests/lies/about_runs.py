@@ -10,6 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from careful_io.archives import read_npz
+from careful_io.files import write_npz
+from careful_io.reading import read_json
 from lies.editing import (
     COSTS,
     Lie,
@@ -22,9 +25,6 @@ from lies.editing import (
     in_metrics,
     setting,
 )
-from pareto_ltl.support.archives import read_npz
-from pareto_ltl.support.files import write_npz
-from pareto_ltl.support.reading import read_json
 from pareto_ltl_verify.claims.front import cost_columns, judged_rows, volume
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.flights import clopper_pearson

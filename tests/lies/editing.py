@@ -14,9 +14,9 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from pareto_ltl.support.archives import read_npz
-from pareto_ltl.support.files import write_csv, write_json, write_npz
-from pareto_ltl.support.reading import read_json
+from careful_io.archives import read_npz
+from careful_io.files import write_csv, write_json, write_npz
+from careful_io.reading import read_json
 from pareto_ltl_verify.claims.flights import METRICS
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.flights import rates

@@ -19,11 +19,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
+from careful_io.archives import read_npz
+from careful_io.files import write_json, write_npz
+from careful_io.fingerprints import data_fingerprint
+from careful_io.reading import read_json
 from lies.about_pages import DATA
-from pareto_ltl.support.archives import read_npz
-from pareto_ltl.support.files import write_json, write_npz
-from pareto_ltl.support.fingerprints import data_fingerprint
-from pareto_ltl.support.reading import read_json
 
 SETTINGS = "config_resolved.yaml"
 RECORDS = (

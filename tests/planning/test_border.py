@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from numpy.random import SeedSequence
 from scipy.stats import binom
 
+from careful_io.files import write_json
 from pareto_ltl.extend import simulate_flights
 from pareto_ltl.planning.evaluate import collision_risk, evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
@@ -34,7 +35,6 @@ from pareto_ltl.settings.building import build_settings
 from pareto_ltl.simulation.records import read_deployments, write_deployments
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.files import write_json
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings

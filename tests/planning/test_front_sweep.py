@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from numpy.random import SeedSequence
 from scipy.stats import fisher_exact
 
+from careful_io.machine import GIVEN
 from coherent import RARE
 from landmarks import LANDMARK_WAY, landmark_problem
 from pareto_ltl.extend import draw_flights, simulate_flights
@@ -52,7 +53,6 @@ from pareto_ltl.simulation.judging import judge_front
 from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.machine import GIVEN
 from problems import KM, box, make_problem, make_scene, smooth_wind, steady_wind
 
 PLANNER = PlannerConfig(trees=3, n_max=600, epsilon=0.5)

@@ -12,6 +12,7 @@ import pytest
 from numpy.random import SeedSequence
 from scipy.special import ndtr
 
+from careful_io import machine
 from oracle import path_risk as risk
 from pareto_ltl.kernels.tree import ROUNDING
 from pareto_ltl.planning import growth, no_path, shortest_mission
@@ -19,7 +20,6 @@ from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.growth import GrowthOptions
 from pareto_ltl.planning.selection import hypervolume, non_dominated
 from pareto_ltl.settings import PlannerConfig, RobotConfig
-from pareto_ltl.support import machine
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl_verify.gaussians import spread_along

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from careful_io.times import HOUR
 from map_files import DRAWN, collection, written
 from pareto_ltl.planning import open_sky
 from pareto_ltl.planning.open_sky import sky_room
 from pareto_ltl.settings import RobotConfig, SceneConfig, WindConfig
 from pareto_ltl.settings.building import build_settings
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.displacement import SPACE_SHARE, displacement_variance
 from pareto_ltl.wind.named_laws import law_named
 from pareto_ltl.wind.readings import CALM, Readings

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from careful_io.texts import energy_text
 from pareto_ltl.extend import FailureRate
 from pareto_ltl.planning import selection
 from pareto_ltl.planning.power import EnergyModel, energy_model
@@ -21,7 +22,6 @@ from pareto_ltl.planning.shortest_mission import capacity_advice, energy_at
 from pareto_ltl.settings import PlannerConfig, PowerConfig, RobotConfig, SelectionConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.settings.mission import POWER_KINDS
-from pareto_ltl.support.display import energy_text
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl.support.resources import choices
 from pareto_ltl_verify.robot import power_law

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import pareto_ltl
+from careful_io.reading import read_json
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.reading import read_json
 from pareto_ltl.support.resources import SAMPLE_WINDS
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.preflight.check import wind_at

@@ -13,9 +13,9 @@ import pytest
 import shapely
 
 import pareto_ltl
+from careful_io.reading import read_json
 from lies.editing import in_json
 from pareto_ltl.extend import Frame
-from pareto_ltl.support.reading import read_json
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_verify.claims.containment import CLAIMS, WORDS
 from pareto_ltl_verify.evidence import open_evidence

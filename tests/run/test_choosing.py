@@ -15,11 +15,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pareto_ltl
+from careful_io.files import write_json
 from pareto_ltl.run.choosing import Choice, chosen_run
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
-from pareto_ltl.support.files import write_json
 from pareto_ltl_apps.cli.arguments import read_length, read_number, read_share
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_verify.judge import verify

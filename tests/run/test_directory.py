@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 
 import pareto_ltl
+from careful_io.locks import hold_lock
 from pareto_ltl.extend import Pipeline
 from pareto_ltl.run.directory import BOOKKEEPING, RUN_LOCK, claimed_directory
 from pareto_ltl.run.pipeline import files_of, known_stages
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.building import build_settings
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
-from pareto_ltl.support.locks import hold_lock
 from pareto_ltl_apps.exports.kinds import BRANCH_FILES, FORMATS
 from quick_plan import QUICK_SEARCH
 

@@ -16,9 +16,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pareto_ltl
+from careful_io.files import write_json
 from exported_plans import SMALL
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
-from pareto_ltl.support.files import write_json
 from pareto_ltl_apps.cli.arguments import read_formats, read_metres
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.exports.kinds import FORMATS, ExportFormat, format_names

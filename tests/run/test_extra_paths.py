@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from careful_io.files import write_npz
 from pareto_ltl.planning.plan_files import read_extra_paths
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.run.front_stage import extra_paths
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import write_npz
 from pareto_ltl_apps.studies.departure_table import write_extra_paths
 from problems import KM, box, make_problem, make_scene
 

@@ -12,11 +12,11 @@ import pytest
 from matplotlib.figure import Figure
 
 import pareto_ltl
+from careful_io.yaml_files import read_yaml
 from pareto_ltl.run.interface import VEHICLE
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import MissionConfig, SceneConfig
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl_apps.view.geography import geography_around
 from pareto_ltl_apps.view.land import BESIDE

@@ -14,6 +14,7 @@ import pytest
 from numpy.random import SeedSequence
 
 import pareto_ltl
+from careful_io.reading import read_json
 from lies.editing import Lie, both, edited, in_json, in_metrics, in_plan
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.power import EnergyModel, Wing
@@ -24,7 +25,6 @@ from pareto_ltl.run import front_stage
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.simulation.judging import count_failures
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.reading import read_json
 from pareto_ltl_apps.cli.summary import limit_rows, plan_paragraphs
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.judge import CLAIMS, findings, verify

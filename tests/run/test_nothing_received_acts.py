@@ -20,14 +20,14 @@ import numpy as np
 import pytest
 
 import pareto_ltl
+from careful_io.fingerprints import file_hashes
+from careful_io.locks import hold_lock
+from careful_io.netcdf4 import refuse_other_files
 from documents import ROOT
 from map_files import GOAL, KML, START, WALL
 from pareto_ltl.extend import Frame
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.fingerprints import file_hashes
-from pareto_ltl.support.locks import hold_lock
-from pareto_ltl.support.netcdf4 import refuse_other_files
 from pareto_ltl.wind.netcdf import read_netcdf
 from pareto_ltl_apps.cli.command_table import DIR, TOOL_COMMANDS
 from pareto_ltl_apps.cli.commands import run_command_line

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 import pareto_ltl
+from careful_io.locks import hold_lock
 from pareto_ltl import Run
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import files_of, known_stages
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.locks import hold_lock
 from pareto_ltl.support.run_status import RUN_LOCK, ending_text
 from pareto_ltl_apps.cli.commands import run_command_line
 

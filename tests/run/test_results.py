@@ -17,6 +17,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from careful_io.archives import read_npz
+from careful_io.files import whole_file, write_json, write_npz
+from careful_io.reading import read_json
 from pareto_ltl.logic import Automaton, translate
 from pareto_ltl.planning import plan_files
 from pareto_ltl.planning.plan_files import NAVIGATION_KEYS
@@ -25,10 +28,7 @@ from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, Planned
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import preset
 from pareto_ltl.simulation.records import Deployment
-from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import whole_file, write_json, write_npz
-from pareto_ltl.support.reading import read_json
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.projection import local_plane
 from pareto_ltl.world.scene import Scene

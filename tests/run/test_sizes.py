@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
+from careful_io import machine
 from pareto_ltl.extend import Record
 from pareto_ltl.run.pipeline import check_sizes, known_stages
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.building import build_settings
-from pareto_ltl.support import machine
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl_apps.studies.kinds import STUDIES as STUDY_KINDS
 

@@ -49,8 +49,8 @@ def site(name: str) -> dict[str, Any]:
 
 def robot_of(name: str, wind: str) -> dict[str, Any]:
     """The vehicle with all the energy it needs, and at the level of the packaged winds where they blow."""
+    from careful_io.yaml_files import read_yaml
     from pareto_ltl.support.resources import choice_file
-    from pareto_ltl.support.yaml_files import read_yaml
 
     told: dict[str, Any] = read_yaml(choice_file("robot", name))
     told["power"]["capacity"] = 1e6

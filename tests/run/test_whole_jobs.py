@@ -17,10 +17,10 @@ import pytest
 import shapely
 import xarray as xr
 
+from careful_io.reading import read_json
 from map_files import KML, archive, collection, feature, folder, kml_polygon, written
 from map_samples import box
 from pareto_ltl import Run
-from pareto_ltl.support.reading import read_json
 from pareto_ltl.wind.named_laws import LAWS_FOLDER
 from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl_apps.cli.commands import run_command_line

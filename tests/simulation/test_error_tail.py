@@ -11,6 +11,7 @@ from scipy.integrate import quad
 from scipy.special import polygamma
 from scipy.stats import kurtosis, norm
 
+from careful_io.times import HOUR
 from coherent import coherent_problem
 from pareto_ltl.extend import simulate_flights
 from pareto_ltl.planning.error_tail import ErrorTail, draw_scales, error_tail, scaled_fields, weighted_scales
@@ -20,7 +21,6 @@ from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
 from pareto_ltl.simulation.flights import draw_coherent
 from pareto_ltl.simulation.importance import weighted_rate
 from pareto_ltl.support.counts import clopper_pearson
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import TailScale
 from pareto_ltl.wind.named_laws import law_of_parts_named
 from pareto_ltl.wind.records import FORECAST, FORECAST_PARTS, TIME, WindField

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
+from careful_io.yaml_files import read_yaml
 from coherent import LOOSE, STEPS, coherent_problem, rate_interval
 from landmarks import LANDMARK_WAY, landmark_problem
 from oracle import importance as plain
@@ -34,7 +35,6 @@ from pareto_ltl.simulation.robot_errors import erring_pilot
 from pareto_ltl.support.arrays import FloatArray, square_matrices
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choice_file
-from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl_verify.robot import Errors
 from plane_kernels.types import Cov, Gaussian, Point
 from problems import KM, along, box, make_problem, make_scene, steady_wind

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pytest
 
+from careful_io.times import iso, seconds
 from pareto_ltl.run.choosing import choose
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.schemas import read_document
-from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.studies.departure import candidate_starts, repeat_seed

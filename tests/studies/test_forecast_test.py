@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from careful_io.times import seconds
 from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
 from forecast_winds import AREA, HOUR, NODES, calm, context_of, settings, snapshots
 from noaa import NOAA, needs_noaa
 from pareto_ltl.extend import Frame, Study
 from pareto_ltl.support.errors import DataError, InfeasibleError
-from pareto_ltl.support.times import seconds
 from pareto_ltl.world import projection
 from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl_apps.studies import forecast_test as study

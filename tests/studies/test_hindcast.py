@@ -12,10 +12,10 @@ import pytest
 import shapely
 
 import small_study
+from careful_io.times import iso
 from noaa import NOAA, needs_noaa
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.times import iso
 from pareto_ltl.wind.observations import project_readings
 from pareto_ltl.wind.readings import Readings
 from pareto_ltl.wind.records import WindField

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from careful_io.times import HOUR, seconds
 from forecast_winds import settings
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.times import HOUR, seconds
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.error_law import LASTING
 from pareto_ltl.wind.law_of_parts import LawOfParts

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from careful_io.reading import read_json
 from pareto_ltl.settings import PowerConfig, RobotConfig, Settings
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.reading import read_json
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.studies.departure_fronts import compare_fronts
 from pareto_ltl_apps.studies.departure_table import front_of

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from careful_io.files import remove_dead_drafts
 from pareto_ltl.settings import PlannerConfig, Settings, WindConfig
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import remove_dead_drafts
 from pareto_ltl_apps.studies import parts
 from pareto_ltl_apps.studies.parts import Part
 from pareto_ltl_apps.studies.settings import EvaluationConfig

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from careful_io.times import HOUR, seconds
 from forecast_winds import calm, context_of, settings, snapshots
 from pareto_ltl.settings import preset
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.times import HOUR, seconds
 from pareto_ltl_apps.studies import replanning as study
 from pareto_ltl_apps.studies.forecast_test import mission_settings
 from pareto_ltl_apps.studies.random_missions import mission

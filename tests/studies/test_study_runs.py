@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from careful_io.locks import has_note
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.locks import has_note
 from pareto_ltl.support.resources import choices
 from pareto_ltl_apps.cli import composition
 from pareto_ltl_apps.cli import hydra_app as app

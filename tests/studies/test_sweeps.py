@@ -20,13 +20,13 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+from careful_io import locks
+from careful_io.files import write_json
+from careful_io.fingerprints import file_hashes
 from pareto_ltl.run import provenance
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.fidelity import LAWS
-from pareto_ltl.support import locks
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.files import write_json
-from pareto_ltl.support.fingerprints import file_hashes
 from pareto_ltl.support.resources import choices
 from pareto_ltl_apps.cli import composition
 from pareto_ltl_apps.cli import hydra_app as app
@@ -333,7 +333,7 @@ def test_a_job_that_says_it_runs_is_believed_only_while_its_process_lives(tmp_pa
     place = answer(tmp_path / "job", status="running")
     (place / "metrics.json").unlink()
     code = (
-        "import sys, time\nfrom pathlib import Path\nfrom pareto_ltl.support import locks\n"
+        "import sys, time\nfrom pathlib import Path\nfrom careful_io import locks\n"
         "with locks.hold_lock(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(60)\n"
     )
     words = [sys.executable, "-c", code, str(RunJob(place).lock)]

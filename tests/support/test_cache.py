@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from careful_io import folders
+from careful_io.machine import GIVEN, cores
 from pareto_ltl.support import cache
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.machine import GIVEN, cores
 from pareto_ltl_apps.cli.commands import run_command_line
 from patience import PATIENCE
 
@@ -73,8 +74,8 @@ def test_the_entries_that_were_not_used_for_longest_go_first(tmp_path: Path) -> 
         (tmp_path / f"{name}.npz").write_bytes(bytes(100))
         (tmp_path / f"{name}.json").touch()
         os.utime(tmp_path / f"{name}.npz", (number, number))
-    cache.mark_used(tmp_path / "old.npz")
-    cache.trim_folder(tmp_path, 250)
+    folders.mark_used(tmp_path / "old.npz")
+    folders.trim_folder(tmp_path, 250)
     assert {path.name for path in tmp_path.iterdir()} == {"old.npz", "old.json", "new.npz", "new.json"}
 
 

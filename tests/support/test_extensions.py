@@ -213,7 +213,7 @@ def test_the_module_of_a_section_may_import_every_name_of_the_planner_but_settin
         "import sys\n"
         "sys.modules['pareto_ltl.settings.all_sections'] = None\n"
         "import pareto_ltl, pareto_ltl.extend\n"
-        "from pareto_ltl.support.stated_names import stated_names\n"
+        "from careful_io.stated_names import stated_names\n"
         "for module in (pareto_ltl, pareto_ltl.extend):\n"
         "    for name, place in stated_names(module.__file__).items():\n"
         "        if name != 'Settings' and place.startswith('pareto_ltl.'): getattr(module, name)\n"
@@ -390,10 +390,10 @@ def test_the_names_in_the_settings_are_those_of_the_tables() -> None:
 
 def test_verify_knows_every_wind_source_and_its_usual_law() -> None:
     from pareto_ltl_apps.formats.live_models import MODELS
-    from pareto_ltl_verify import wind_tables
+    from pareto_ltl_verify import sources
 
-    assert wind_tables.SOURCES.keys() == SOURCE_NAMES.keys()
-    for name, known in wind_tables.SOURCES.items():
+    assert sources.SOURCES.keys() == SOURCE_NAMES.keys()
+    for name, known in sources.SOURCES.items():
         of_model = MODELS[name].law if name in MODELS else ""
         assert known.law in (None, of_model or SOURCE_NAMES[name].forecast_error)
         assert known.modelled == SOURCE_NAMES[name].modelled

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl.support.locks import hold_lock
+from careful_io.locks import hold_lock
 from pareto_ltl.support.run_status import RUN_LOCK, ending_text
 
 

@@ -13,10 +13,10 @@ import pytest
 from numpy.random import SeedSequence
 
 import pareto_ltl
+from careful_io.files import write_json
 from lies.editing import holds, in_wind
 from pareto_ltl.extend import simulate_flights
 from pareto_ltl.planning.error_tail import draw_scales
-from pareto_ltl.support.files import write_json
 from pareto_ltl.wind.named_laws import law_of_parts_named
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.flights import RARE, fly, same_distribution

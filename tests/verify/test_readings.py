@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from careful_io.fingerprints import file_fingerprint
 from pareto_ltl.settings import Settings, WindConfig
 from pareto_ltl.settings.wind import wind_sources
-from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.records import WindEvidence, WindField

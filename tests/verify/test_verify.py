@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import pareto_ltl
+from careful_io.reading import read_json
+from careful_io.yaml_files import read_yaml
 from honest_results import PRESETS, SMALL
 from levels import first_of_each
 from lies import LIES, Lie, edited
 from lies.editing import in_plan, setting
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.reading import read_json
-from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.flights import clopper_pearson

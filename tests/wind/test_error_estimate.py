@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import forecast_history as history
+from careful_io.files import write_json
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import write_json
 from pareto_ltl.wind.named_laws import first_law, read_law
 from pareto_ltl.wind.snapshots import Snapshot
 from pareto_ltl_apps.wind_errors.error_estimate import (

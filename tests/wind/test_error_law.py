@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl.support.times import HOUR
+from careful_io.times import HOUR
 from pareto_ltl.wind.error_law import GROWING, LASTING, LOCAL, SHORT_TIME_POWER, LawPart
 from pareto_ltl.wind.named_laws import law_named
 

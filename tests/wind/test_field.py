@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
+from careful_io.archives import read_npz
+from careful_io.files import write_npz
+from careful_io.fingerprints import PACKAGE
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import write_npz
-from pareto_ltl.support.fingerprints import PACKAGE
 from pareto_ltl.wind import field, sources
 from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind.field import _warn_once

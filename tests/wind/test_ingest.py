@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from careful_io.times import iso, seconds
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.readings import Readings, shared_nodes
 from pareto_ltl.wind.snapshots import Snapshot, readings_of
 from pareto_ltl_apps.formats.settings import IngestConfig

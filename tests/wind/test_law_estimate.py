@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from careful_io.times import HOUR
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import LASTING
 from pareto_ltl.wind.named_laws import law_of_parts_named
 from pareto_ltl_apps.wind_errors.error_moments import error_moments

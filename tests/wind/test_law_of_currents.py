@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from careful_io.times import HOUR
 from pareto_ltl.extend import law_of_parts_named
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import LOCAL, SLOW
 from pareto_ltl.wind.named_laws import PARTS_FOLDER
 from pareto_ltl.wind.observations import law_of_wind, place_readings

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy.stats import kurtosis, norm
 
+from careful_io.files import write_json
+from careful_io.times import HOUR
 from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.files import write_json
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import GROWING, LASTING, LawPart, TailScale
 from pareto_ltl.wind.law_of_parts import LawOfParts, law_of_parts_of
 from pareto_ltl.wind.named_laws import law_named, law_of_parts_named, packaged_laws, read_law

@@ -10,9 +10,9 @@ import pytest
 pytest.importorskip("pyproj")  # before ecCodes
 pytest.importorskip("eccodes", reason="the extra `grib` is not installed")
 
+from careful_io.times import seconds
 from live_archives import nbm, rtofs
 from noaa_server import NoaaServer, serving
-from pareto_ltl.support.times import seconds
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.formats import live
 from quick_wind import wind_words

@@ -8,12 +8,12 @@ import pyproj
 import pytest
 from scipy.io import netcdf_file
 
+from careful_io.times import seconds
+from careful_io.yaml_files import read_yaml
 from noaa import NOAA, needs_noaa
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import choice_file
-from pareto_ltl.support.times import seconds
-from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl_apps.formats.netcdf_files import CURRENTS, WINDS, netcdf_snapshots

@@ -9,8 +9,8 @@ import h5netcdf
 import numpy as np
 import pytest
 
+from careful_io.times import HOUR, iso
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.times import HOUR, iso
 from pareto_ltl_apps.formats.speed_units import KNOT
 from pareto_ltl_apps.wind_errors.point_forecasts import PointForecasts, verified
 from pareto_ltl_apps.wind_errors.point_tables import read_point_table

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from careful_io.times import iso, seconds
 from noaa import NOAA, needs_noaa
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl_apps.formats.station_files import read_station_files
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from careful_io.times import HOUR
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.change_law import ChangeLaw
 from pareto_ltl.wind.named_laws import law_named, law_of
 from pareto_ltl.wind.observations import place_readings

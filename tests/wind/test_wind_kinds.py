@@ -14,9 +14,9 @@ import pytest
 import xarray as xr
 
 import pareto_ltl
+from careful_io.times import seconds
 from noaa import NOAA, needs_noaa
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.times import seconds
 
 SHARED = Path(__file__).parents[3] / "shared" / "cases" / "cases.json"
 LAT, LON = np.arange(34.0, 42.0), np.arange(-98.0, -85.0)

@@ -7,8 +7,8 @@ import re
 import pytest
 
 import pareto_ltl
+from careful_io.texts import distance_text
 from documents import ROOT
-from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.resources import choices, resource_folder
 from pareto_ltl_apps.exports.geojson import border_corners
 

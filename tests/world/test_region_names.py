@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pareto_ltl
+from careful_io.names import joined_names, quoted_name, split_names
 from ltlf import Formula, name_fault
 from pareto_ltl.logic.automaton import translate
 from pareto_ltl.logic.formula import parse_formula
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings.mission import SceneConfig
 from pareto_ltl.support.errors import DataError, FormulaError
-from pareto_ltl.support.names import joined_names, quoted_name, split_names
 from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.formats.hoa_files import read_hoa

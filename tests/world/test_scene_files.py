@@ -15,11 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pareto_ltl.settings import SceneConfig
-from pareto_ltl.support import reading
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
+from pareto_ltl_apps.formats import feature_limit
 from strategies import lattice_scenes, scenes
 
 SCENES = Path(__file__).parents[2] / "conf" / "scene"
@@ -470,7 +470,7 @@ def test_a_map_larger_than_the_earth_or_smaller_than_any_robot_is_refused(unit):
 
 @pytest.mark.parametrize("suffix", ["geojson", "kml"])
 def test_a_map_of_too_many_features_is_refused_before_it_is_parsed(tmp_path, monkeypatch, suffix):
-    monkeypatch.setattr(reading, "MAX_FEATURES", 1)
+    monkeypatch.setattr(feature_limit, "MAX_FEATURES", 1)
     feature = {"geojson": '{"geometry": ', "kml": "<Placemark></Placemark>"}[suffix]
     (tmp_path / f"map.{suffix}").write_text(2 * feature)  # neither JSON nor XML
     with pytest.raises(DataError, match="has more than 1 features; keep those near the mission"):

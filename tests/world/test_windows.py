@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from careful_io.times import duration_seconds
 from ltlf.spans import read_span, shown_span
 from pareto_ltl.settings import SceneConfig
+from pareto_ltl.support.departure import seconds_after
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.times import duration_seconds, seconds_after
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl.world.windows import TimedPlace, Window, missed_windows, span_text

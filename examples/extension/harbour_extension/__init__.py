@@ -49,8 +49,8 @@ def read_steady(cfg: WindConfig, wanted):
     """5 m/s towards the east with noise of 1 m/s, at 49 places every six hours of 9 October 2018."""
     import numpy as np
 
+    from careful_io.times import seconds
     from pareto_ltl import Readings
-    from pareto_ltl.support.times import seconds
 
     places = np.array([[lon, lat] for lon in range(-96, -88, 1) for lat in range(34, 41)], float)
     times = seconds("2018-10-09T00:00:00Z") + 3600.0 * np.arange(0, 49, 6)

@@ -56,7 +56,7 @@ class PointsSweeper(Sweeper):
 
     def sweep(self, arguments: list[str]) -> Any:
         """Check all points, run those without a result, write the summary."""
-        from pareto_ltl.support.locks import claim_folder
+        from careful_io.locks import claim_folder
 
         assert self.config is not None
         place = Path(str(self.config.hydra.sweep.dir))
@@ -138,7 +138,7 @@ class PointsSweeper(Sweeper):
         """Jobs for a launcher at once: submitit's local engine would start all that it gets."""
         if self.max_batch_size or type(self.launcher).__name__ != "LocalLauncher":
             return self.max_batch_size
-        from pareto_ltl.support.machine import cores
+        from careful_io.machine import cores
 
         return max(1, cores() // self._threads())
 

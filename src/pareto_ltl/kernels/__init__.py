@@ -8,7 +8,7 @@ With ``NUMBA_DISABLE_JIT=1`` all of them run as plain Python.
 
 from pathlib import Path
 
-from pareto_ltl.support.machine import check_kernel_threads
+from careful_io.machine import check_kernel_threads
 from typed_kernels import packages
 
 packages.PACKAGES[__name__], packages.PROGRAM = Path(__file__).parent, "pareto-ltl"

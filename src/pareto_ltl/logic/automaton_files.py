@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from careful_io.files import write_bytes, write_json
 from pareto_ltl.logic.automaton import Automaton
-from pareto_ltl.support.archives import stored
-from pareto_ltl.support.files import write_bytes, write_json
+from pareto_ltl.support.stored import stored
 from pareto_ltl.world.windows import Window
 
 

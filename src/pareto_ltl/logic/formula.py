@@ -11,11 +11,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 import ltlf
+from careful_io.messages import shown_text
+from careful_io.names import quoted_name
+from careful_io.texts import listed_text
 from ltlf import Advice, Formula
-from pareto_ltl.support.display import listed_text
 from pareto_ltl.support.errors import FormulaError
-from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.names import quoted_name
 from pareto_ltl.world.windows import clock_windows
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from careful_io.messages import shown_text
 from ltlf import Letter
 from pareto_ltl.logic import patterns
 from pareto_ltl.logic.automaton import Automaton, translate
@@ -14,7 +15,6 @@ from pareto_ltl.logic.automaton_formats import automaton_formats
 from pareto_ltl.logic.formula import check_names, disputed_reading, parse_formula, positive_normal_form
 from pareto_ltl.logic.timed import keep_clear, timed_letters
 from pareto_ltl.support.errors import ConfigError, DataError, FormulaError
-from pareto_ltl.support.messages import shown_text
 from pareto_ltl.world.windows import Window, clock_windows
 
 if TYPE_CHECKING:

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from careful_io.texts import probability_text
+from careful_io.times import hours_text
 from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.pack_logic import empty_letters, helpful_delta, live_rows
 from pareto_ltl.planning.problem import LEAST_VARIANCE, Problem, barrier_polygons, errors_of
 from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl.support.arrays import FloatArray, IntArray, square_matrices
-from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.times import hours_text
 from plane_kernels.types import Faces
 
 if TYPE_CHECKING:

@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
+from careful_io.machine import cores, require_memory
+from careful_io.messages import shown_value
 from ltlf import show_letter
 from pareto_ltl.kernels import growth as kernel
 from pareto_ltl.kernels import tree as kt
@@ -32,8 +34,6 @@ from pareto_ltl.settings import PlannerConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.machine import cores, require_memory
-from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.seeds import unspawned
 from pareto_ltl.world.windows import missed_windows
 from plane_kernels.types import Cov, Gaussian, Point

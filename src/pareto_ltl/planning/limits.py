@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from careful_io.texts import probability_text
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import probability_text
 
 PRICE_KINDS = {
     "obstacle": "{} smaller on every side",

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.random import SeedSequence
 
+from careful_io.texts import distance_text, probability_text, round_up
 from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning import shortest_mission as line
@@ -25,7 +26,6 @@ from pareto_ltl.planning.refine.starts import first_starts
 from pareto_ltl.planning.selection import tree_front
 from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.support.arrays import length_of
-from pareto_ltl.support.display import distance_text, probability_text, round_up
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.world.time_step import too_long
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from careful_io.times import HOUR
 from pareto_ltl.planning.power import energy_model
 from pareto_ltl.settings import RobotConfig, Settings
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.displacement import displacement_variance, known_for
 from pareto_ltl.wind.readings import Readings
 from pareto_ltl.world.scene_sketch import SkyRoom

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+from careful_io.texts import interval_text, rate_text
 from pareto_ltl.support.counts import clopper_pearson
-from pareto_ltl.support.display import answer_text, interval_text, promised_text, rate_text, winds_text
+from pareto_ltl.support.display import answer_text, promised_text, winds_text
 
 FLIGHTS, WEIGHTED = "flights", "importance sampling"  # methods of failure rates
 SAMPLES = {FLIGHTS: "flights", WEIGHTED: "weighted flights"}  # how the runs of each method are called

@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.messages import shown_value
+from careful_io.texts import distance_text, energy_text, in_kilometres, probability_text, round_up
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, PlannedPath, objective_row
 from pareto_ltl.planning.selection import chance_of_failures, hypervolume
 from pareto_ltl.settings import FidelityConfig, SelectionConfig
 from pareto_ltl.support import extensions
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, energy_text, in_kilometres, probability_text, round_up
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
 from pareto_ltl.support.extensions import known_kind
-from pareto_ltl.support.messages import shown_value
 
 LOG = logging.getLogger(__name__)
 FAR, NEGLIGIBLE = 2.0, 1e-3  # ratio of V to the mission risk, and mission risk, that need no warning

@@ -19,6 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from careful_io.texts import energy_text
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning.power import EnergyModel, energy_model
@@ -31,7 +32,6 @@ from pareto_ltl.planning.wind_lookup import interpolate
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.arrays import FloatArray, length_of
-from pareto_ltl.support.display import energy_text
 from pareto_ltl.support.resources import choices
 
 MARGIN = 0.9  # share of the capacity that an advised vehicle may need on the shortest path

@@ -11,13 +11,13 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from careful_io.texts import distance_text, probability_text, round_up
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import carry_out, files_of, stages_by_name
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.results import Planned, load_results, planned_run
 from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.support.display import distance_text, probability_text, round_up
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from careful_io.files import FULL_DISK, remove_dead_drafts
+from careful_io.locks import claim_folder
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import FULL_DISK, remove_dead_drafts
-from pareto_ltl.support.locks import claim_folder
 from pareto_ltl.support.run_status import RUN_LOCK, RUN_LOG
 
 BOOKKEEPING = (  # the first is removed first: without it, the other files are no result

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from careful_io.messages import shown_text
+from careful_io.texts import distance_text
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import Pipeline, carry_out
 from pareto_ltl.run.plan_run import Run
@@ -19,9 +21,7 @@ from pareto_ltl.run.progress import Caller, ProgressBar
 from pareto_ltl.run.results import Planned, planned_run
 from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, WindConfig
 from pareto_ltl.settings.building import build_settings, choice_values, python_spelling, section_of
-from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import choices
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_settings import read_map

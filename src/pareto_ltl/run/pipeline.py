@@ -11,13 +11,16 @@ from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from careful_io.error_lines import one_line
+from careful_io.fingerprints import file_hashes
+from careful_io.machine import require_memory
+from careful_io.messages import shown_value
 from pareto_ltl.run import provenance
 from pareto_ltl.run.directory import claimed_directory, discard_try
 from pareto_ltl.run.plan_run import PLAN_STAGES, Run
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.record import BaseRun, Record
 from pareto_ltl.run.required import require_formula, require_map
-from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlError
 from pareto_ltl.support.extensions import (
     STAGE_GROUP,
@@ -26,9 +29,6 @@ from pareto_ltl.support.extensions import (
     load_all,
     load_extension,
 )
-from pareto_ltl.support.fingerprints import file_hashes
-from pareto_ltl.support.machine import require_memory
-from pareto_ltl.support.messages import shown_value
 from pareto_ltl.support.run_status import RUN_LOG
 
 if TYPE_CHECKING:
@@ -311,7 +311,7 @@ def _close(
     run: BaseRun, place: Path, record: dict[str, Any], status: str, error: BaseException | None = None
 ) -> dict[str, float]:
     """Write how the run ended. A failed run has no metrics, an infeasible one has them if it grew trees."""
-    from pareto_ltl.support.files import write_json
+    from careful_io.files import write_json
 
     table = _metrics_of(run)
     measured = status == "ok" or (status == "infeasible" and "forest" in run.records)
@@ -346,10 +346,10 @@ class RunLogFile(logging.FileHandler):
 
 @contextmanager
 def logging_to(path: Path) -> Iterator[None]:
-    """Write the messages of the package, of the compiler and the warnings of Python to the file ``path``."""
+    """Write messages of the packages, of the compiler and warnings of Python to the file ``path``."""
     handler = RunLogFile(path, encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-    heard = (LOG, logging.getLogger("typed_kernels"), logging.getLogger("py.warnings"))
+    heard = (LOG, *map(logging.getLogger, ("careful_io", "typed_kernels", "py.warnings")))
     before = [(logger, logger.level, logger.propagate) for logger in heard]
     for logger in heard:
         logger.addHandler(handler)

@@ -12,6 +12,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from careful_io.links import refuse_links_out
+from careful_io.messages import shown_text
+from careful_io.reading import shaped
 from pareto_ltl.run import provenance
 from pareto_ltl.run.record import BaseRun, Record, record
 from pareto_ltl.run.required import require_formula, require_map
@@ -19,9 +22,6 @@ from pareto_ltl.settings import RobotConfig, WindConfig
 from pareto_ltl.settings.building import read_settings_file
 from pareto_ltl.settings.heights import Height, flight_height
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.links import refuse_links_out
-from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.reading import shaped
 from pareto_ltl.support.run_status import ANSWERS
 from pareto_ltl.support.schemas import read_document
 
@@ -68,9 +68,9 @@ class Run(BaseRun):
     @record("scene.json", codec=f"{MAP_FILES}:scene", words="Reading the map")
     def scene(self) -> Scene:
         """The map; without ``mission.start_time`` the robot departs at the first wind time."""
+        from careful_io.times import lacks_zone
         from pareto_ltl.logic.mission import region_use
         from pareto_ltl.planning.open_sky import sky_room
-        from pareto_ltl.support.times import lacks_zone
         from pareto_ltl.world.scene_settings import add_random_places, scene_from_settings
         from pareto_ltl.world.scene_sketch import MissionUse
 

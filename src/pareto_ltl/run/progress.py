@@ -8,8 +8,8 @@ from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from careful_io.machine import cores
 from pareto_ltl.run.compile_costs import COSTS
-from pareto_ltl.support.machine import cores
 from typed_kernels.compile_time import CompileTime, seconds_text
 from typed_kernels.watching import compilation_watched
 

@@ -12,12 +12,12 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from careful_io.fingerprints import code_fingerprint, data_fingerprint, file_hashes
+from careful_io.machine import cores
+from careful_io.reading import inside
 from pareto_ltl import __version__
 from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ParetoLtlError
-from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_hashes
-from pareto_ltl.support.machine import cores
-from pareto_ltl.support.reading import inside
 from pareto_ltl.support.resources import checkout
 
 if TYPE_CHECKING:
@@ -71,14 +71,14 @@ def begin(settings: Settings, argv: Sequence[str], overrides: Sequence[str] = ()
 
 def write(directory: Path, record: Mapping[str, Any]) -> None:
     """Write ``record`` as ``run.json``."""
-    from pareto_ltl.support.files import write_json  # it loads NumPy, which an error of settings must not
+    from careful_io.files import write_json  # it loads NumPy, which an error of settings must not
 
     write_json(directory / "run.json", record)
 
 
 def write_settings(directory: Path, settings: Settings) -> None:
     """Write every setting of the run as ``config_resolved.yaml``, from which it can be read back."""
-    from pareto_ltl.support.files import write_bytes
+    from careful_io.files import write_bytes
 
     write_bytes(directory / "config_resolved.yaml", settings.as_yaml().encode())
 

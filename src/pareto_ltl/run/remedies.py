@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import SeedSequence
 
+from careful_io.texts import distance_text
 from pareto_ltl.planning.costs.duration import hours_text
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.limits import Remedy
@@ -23,7 +24,6 @@ from pareto_ltl.settings import Settings
 from pareto_ltl.simulation.beacons import beacon_places, disc
 from pareto_ltl.simulation.judging import count_failures
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl.wind.records import WindField, WindObservations
 from pareto_ltl.world.scene import Scene

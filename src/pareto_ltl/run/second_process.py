@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from tempfile import TemporaryDirectory
 
+from careful_io.locks import TakenError, hold_lock
+from careful_io.machine import cores
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.cache import LOCKS_FOLDER, cache_root
-from pareto_ltl.support.locks import TakenError, hold_lock
-from pareto_ltl.support.machine import cores
 from typed_kernels.watching import compilation_begins, compilation_ends, compilation_watched
 
 GROWTH = "growth.grow"

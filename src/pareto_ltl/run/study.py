@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl.support.files import write_bytes, write_csv
+from careful_io.files import write_bytes, write_csv
 
 
 @dataclass(frozen=True, slots=True)

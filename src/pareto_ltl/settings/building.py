@@ -15,12 +15,12 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any
 
+from careful_io.messages import shown_text, shown_value
+from careful_io.yaml_files import read_yaml
 from pareto_ltl.settings import PRESETS, FidelityConfig, preset
 from pareto_ltl.settings.checks import field_kinds, kind_problem
 from pareto_ltl.support.errors import ConfigError, DataError, ParetoLtlError
-from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.resources import choice_file, choices
-from pareto_ltl.support.yaml_files import read_yaml
 
 if TYPE_CHECKING:
     from pareto_ltl.settings import Settings

@@ -18,9 +18,9 @@ from numbers import Integral, Real
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from careful_io.messages import shown_value, wrong_value
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import extension_names
-from pareto_ltl.support.messages import shown_value, wrong_value
 
 if TYPE_CHECKING:
     from pareto_ltl.settings import Settings

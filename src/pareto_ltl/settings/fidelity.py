@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+from careful_io.messages import shown_text
 from pareto_ltl.settings.checks import CheckedSettings, setting
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_text
 
 LAWS = ("independent", "coherent")
 BORDERS = ("open", "wall")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from careful_io.messages import shown_value, wrong_value
 from pareto_ltl.settings.checks import SEEDS, CheckedSettings, are_pairs, check_matrix, check_time, setting
 from pareto_ltl.settings.fidelity import BORDERS
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_value, wrong_value
 
 POWER_KINDS = ("none", "body", "wing", "rotor", "table")
 WATTS = {"within": "[0, 1e9]", "unit": "W"}

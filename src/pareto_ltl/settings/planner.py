@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+from careful_io.messages import shown_value, wrong_value
 from pareto_ltl.settings.checks import CheckedSettings, is_finite, setting
 from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import COST_GROUP, SELECTION_RULE_GROUP
-from pareto_ltl.support.messages import shown_value, wrong_value
 from pareto_ltl.support.resources import kind_names
 
 SELECTION_RULES = ("worth", "priority", "weighted", "threshold", "energy", "least", "knee", "length", "point")

@@ -8,10 +8,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
+from careful_io.messages import shown_text, wrong_value
 from pareto_ltl.settings.checks import CheckedSettings, check_time, setting
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import FORMAT_GROUP, WIND_SOURCE_GROUP, installed_object
-from pareto_ltl.support.messages import shown_text, wrong_value
 
 if TYPE_CHECKING:
     from pareto_ltl.wind.readings import Readings

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import SeedSequence
 
+from careful_io.machine import on_all_cores
 from pareto_ltl.planning.pack import with_landmarks
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.rates import FailureRate
@@ -23,7 +24,6 @@ from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
 from pareto_ltl.simulation.judging import which_fail
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.counts import paired_difference
-from pareto_ltl.support.machine import on_all_cores
 from pareto_ltl.support.seeds import unspawned
 
 ALONG = 48  # places along the path

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
+from careful_io.machine import on_all_cores
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.pilots import Autopilot, RejoiningPilot
@@ -20,7 +21,6 @@ from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.simulation.robot_errors import draw_errors, erring_pilot
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.support.machine import on_all_cores
 from pareto_ltl.support.seeds import later_child, unspawned
 
 

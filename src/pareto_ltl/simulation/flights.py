@@ -16,6 +16,7 @@ import numpy as np
 import shapely
 from numpy.random import Generator, SeedSequence
 
+from careful_io.machine import on_all_cores, require_memory
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.kernels.path import Flight
@@ -41,7 +42,6 @@ from pareto_ltl.simulation.robot_errors import draw_errors, erring_pilot
 from pareto_ltl.support.arrays import Float32Array, FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.machine import on_all_cores, require_memory
 from pareto_ltl.support.seeds import later_child, unspawned
 
 # Takes the noise (T+1, n, 2) of the fixes and the coefficients (n, Q) of the robot's errors of n flights.

@@ -36,6 +36,7 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 from scipy.special import gammaincinv, ndtr, ndtri
 
+from careful_io.machine import on_all_cores
 from pareto_ltl.kernels import importance as kernel
 from pareto_ltl.planning.error_tail import TILTS, scaled_fields, typical_scale, weighted_scales
 from pareto_ltl.planning.problem import Problem
@@ -54,7 +55,6 @@ from pareto_ltl.simulation.failure_modes import (
     normal_draws,
 )
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
-from pareto_ltl.support.machine import on_all_cores
 from pareto_ltl.support.seeds import unspawned
 
 FARTHEST = 35.0  # standard deviations to the nearest half-space that a flight is pushed into: Φ(-35) = 1e-268

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import SeedSequence
 
+from careful_io.machine import on_all_cores, require_memory
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.rates import FailureRate
@@ -29,7 +30,6 @@ from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.machine import on_all_cores, require_memory
 from pareto_ltl.support.seeds import unspawned
 
 LOG = logging.getLogger(__name__)

@@ -12,6 +12,7 @@ import logging
 import numpy as np
 from numpy.random import SeedSequence
 
+from careful_io.texts import rate_text
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.rates import WEIGHTED, FailureRate, Promise
 from pareto_ltl.planning.records import Front, PlannedPath
@@ -20,7 +21,6 @@ from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.simulation.judging import count_failures
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import binomial_tail, hypergeometric_tail
-from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.wind.records import WindField
 

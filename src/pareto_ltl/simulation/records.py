@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from careful_io.files import write_npz
 from pareto_ltl.planning.rates import FailureRate
-from pareto_ltl.support.archives import stored
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed
-from pareto_ltl.support.files import write_npz
+from pareto_ltl.support.stored import stored
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.locks import hold_lock
+from careful_io.locks import hold_lock
+from pareto_ltl.support.errors import ConfigError
 
 DEFAULT_LIMIT = 1024  # [MiB]
 LOCKS_FOLDER = "locks"
@@ -46,57 +46,6 @@ def cache_limit() -> int:
     return int(text) * 2**20
 
 
-def make_private(folder: Path) -> None:
-    """Make ``folder`` if it is missing, with permissions for its owner only.
-
-    Raises
-    ------
-    DataError
-        If it, or its parent folder, belongs to another user or can be written by others.
-    """
-    for place in (folder.parent, folder):
-        place.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if reason := _open_to_others(place):
-            raise DataError(f"{place} {reason}; give it to you alone (chmod 700)")
-
-
-def _open_to_others(folder: Path) -> str | None:
-    """Why other users can write to ``folder``; None if they cannot, and on Windows, which has no modes."""
-    if os.name == "nt":
-        return None
-    stat = folder.stat()
-    if stat.st_uid not in (os.geteuid(), 0):
-        return "belongs to another user"
-    return f"may be written by others (mode {stat.st_mode & 0o777:o})" if stat.st_mode & 0o022 else None
-
-
-def mark_used(path: Path) -> None:
-    """Set the date of an entry to now, as the least recently used entries are removed first."""
-    with suppress(OSError):
-        os.utime(path)
-
-
-def trim_folder(folder: Path, limit: int, suffix: str = ".npz") -> None:
-    """Remove the least recently used entries of ``folder`` until those left have at most ``limit`` bytes.
-
-    An entry is a file that ends in ``suffix``, which gives its date and size; earlier versions wrote a
-    ``.json`` file beside it.
-    """
-    dated: list[tuple[float, int, Path]] = []
-    for path in folder.glob(f"*{suffix}"):
-        with suppress(OSError):
-            stat = path.stat()
-            dated.append((stat.st_mtime, stat.st_size, path))
-    total = sum(size for _, size, _ in dated)
-    for _, size, path in sorted(dated):
-        if total <= limit:
-            return
-        for part in (path, path.with_suffix(".json")):
-            with suppress(OSError):
-                part.unlink(missing_ok=True)
-        total -= size
-
-
 @contextmanager
 def lock_entry(key: str) -> Iterator[None]:
     """In the block, hold the lock of the entry ``key``; without a lock if the file system has none."""
@@ -106,16 +55,6 @@ def lock_entry(key: str) -> Iterator[None]:
             folder.mkdir(parents=True, exist_ok=True)
             held.enter_context(hold_lock(folder / key))
         yield
-
-
-def folder_size(folder: Path) -> tuple[int, int]:
-    """Number of files below ``folder`` and the sum of their sizes [bytes]."""
-    files = total = 0
-    for path in folder.rglob("*"):
-        with suppress(OSError):
-            if path.is_file():
-                files, total = files + 1, total + path.stat().st_size
-    return files, total
 
 
 def clear_cache(folder: Path) -> None:

@@ -6,17 +6,10 @@ of them means that a caller in Python passed a wrong argument.
 
 from __future__ import annotations
 
+from careful_io.errors import ConfigError, DataError
+from careful_io.errors import UserError as ParetoLtlError
 
-class ParetoLtlError(Exception):
-    """Base class of the errors that the command line reports in one line instead of a traceback."""
-
-
-class ConfigError(ParetoLtlError):
-    """A setting is unknown, missing, of the wrong type or out of range."""
-
-
-class DataError(ParetoLtlError):
-    """An input (a wind file, a scene, a cache) is not as expected."""
+__all__ = ["ConfigError", "DataError", "FormulaError", "InfeasibleError", "NotFoundError", "ParetoLtlError"]
 
 
 class NotFoundError(DataError):

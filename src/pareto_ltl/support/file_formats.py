@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from careful_io.messages import shown_text
+from careful_io.reading import refuse_special
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.reading import refuse_special
 
 # Errors of h5netcdf and h5py for a damaged file or one of another format:
 DAMAGE = (

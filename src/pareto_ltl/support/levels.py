@@ -6,10 +6,10 @@ import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
+from careful_io.messages import shown_text, shown_value
 from pareto_ltl.support.atmosphere import standard_air, standard_height
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.medium import medium_of
-from pareto_ltl.support.messages import shown_text, shown_value
 
 HEIGHT, ALTITUDE, PRESSURE, DEPTH = "height", "altitude", "pressure", "depth"
 LENGTHS = {"m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1000.0}  # [m]

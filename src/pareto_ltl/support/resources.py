@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from careful_io.messages import shown_value
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extensions import extension_folders
-from pareto_ltl.support.messages import shown_value
 
 PACKAGE = Path(__file__).resolve().parents[1]
 SAMPLE_WINDS = PACKAGE / "support" / "data" / "gfs_conus_20181009.csv"

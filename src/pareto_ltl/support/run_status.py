@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pareto_ltl.support.locks import is_held
-from pareto_ltl.support.messages import shown_value
+from careful_io.locks import is_held
+from careful_io.messages import shown_value
 
 RUN_LOCK, RUN_LOG = "run.lock", "run.log"
 ANSWERS = ("ok", "infeasible")  # a mission without a plan is an answer too

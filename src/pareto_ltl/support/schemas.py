@@ -1,40 +1,31 @@
-"""JSON Schemas (draft 2020-12) of the JSON files of a run, and the check of a file against its schema.
+"""JSON Schemas (draft 2020-12) of the JSON files of a run, and the reading of files that follow them.
 
-All files of a results directory or of a sweep are read by :func:`read_document`. fastjsonschema makes a
-function of each schema: 0.04 s for its import and for a large schema, and 0.3 million numbers a second.
+All files of a results directory or of a sweep are read by :func:`read_document`.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping
-from functools import lru_cache
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from careful_io.reading import RESULTS, Advice, read_json, shown_json
+from careful_io.schemas import check_content
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.reading import RESULTS, Advice, pointer_part, read_json, shown_json
 from pareto_ltl.support.resources import PACKAGE
-
-if TYPE_CHECKING:
-    from fastjsonschema import JsonSchemaValueException
 
 FOLDER = PACKAGE / "support" / "data" / "schemas"
 SCHEMA_NAMES = tuple(sorted(path.name.partition(".")[0] for path in FOLDER.glob("*.schema.json")))
-TYPE_WORDS = {
-    "object": "an object",
-    "array": "an array",
-    "string": "text",
-    "number": "a number",
-    "integer": "a whole number",
-    "boolean": "true or false",
-    "null": "null",
-}
+
+
+def schema_file(name: str) -> Path:
+    """The schema of ``name``, one of :data:`SCHEMA_NAMES`."""
+    return FOLDER / f"{name}.schema.json"
 
 
 def schema_text(name: str) -> str:
     """The text of the schema of ``name``, one of :data:`SCHEMA_NAMES`."""
-    return (FOLDER / f"{name}.schema.json").read_text(encoding="utf-8")
+    return schema_file(name).read_text(encoding="utf-8")
 
 
 def read_document(path: Path, name: str | Mapping[str, str], advice: Advice = RESULTS) -> dict[str, Any]:
@@ -66,52 +57,4 @@ def read_document(path: Path, name: str | Mapping[str, str], advice: Advice = RE
 
 def check_document(content: Any, name: str, where: str, advice: Advice = RESULTS) -> None:
     """Raise a DataError that begins with ``where`` if ``content`` does not fit the schema of ``name``."""
-    from fastjsonschema import JsonSchemaValueException
-
-    try:
-        schema_check(name)(content)
-    except JsonSchemaValueException as error:
-        place = "".join(f"/{pointer_part(part)}" for part in error.path[1:])
-        raise DataError(
-            f"{where}: {place + ': ' if place else ''}{_misfit(error)}; {advice.damaged}"
-        ) from None
-
-
-def _misfit(error: JsonSchemaValueException) -> str:
-    """The end of an error message: what was expected, and the value in the file."""
-    schema: Mapping[str, Any] = error.definition
-    found = error.value
-    if error.rule == "required":
-        missing = [key for key in schema["required"] if key not in found]
-        return f"lacks {', '.join(map(repr, missing))}"
-    if error.rule == "additionalProperties":
-        unknown = next(key for key in found if key not in schema["properties"])
-        return f"unknown key {shown_json(unknown)}; there are {', '.join(schema['properties'])}"
-    return f"expected {schema.get('title') or _described(schema)}, got {shown_json(found)}"
-
-
-def _described(schema: Mapping[str, Any]) -> str:
-    """The keywords of ``schema`` in words."""
-    if "const" in schema:
-        return shown_json(schema["const"])
-    if "enum" in schema:
-        return f"one of {', '.join(map(json.dumps, schema['enum']))}"
-    kinds = schema.get("type", "text")
-    words = " or ".join(TYPE_WORDS[kind] for kind in ([kinds] if isinstance(kinds, str) else kinds))
-    limits = {
-        "minimum": "at least",
-        "exclusiveMinimum": "above",
-        "maximum": "at most",
-        "minItems": "at least",
-    }
-    reported = [f"{text} {schema[key]:g}" for key, text in limits.items() if key in schema]
-    return ", ".join([words, *reported])
-
-
-@lru_cache
-def schema_check(name: str) -> Callable[[Any], Any]:
-    """The function that fastjsonschema makes of the schema of ``name``; it raises an error for a misfit."""
-    from fastjsonschema import compile as compiled
-
-    check: Callable[[Any], Any] = compiled(json.loads(schema_text(name)), use_default=False)
-    return check
+    check_content(content, schema_file(name), where, advice)

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from careful_io.faults import Faults
 from pareto_ltl.settings.heights import MeasuredAir
 from pareto_ltl.support.arrays import FloatArray, require_shape
-from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import HEIGHT, PRESSURE, Level, parse_level
 
 COLDEST, WARMEST = 173.15, 333.15  # [K] of air up to 32 km

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from careful_io.times import HOUR, seconds
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.support.times import HOUR, seconds
 from pareto_ltl.wind.doubts import assumed_leads
 from pareto_ltl.wind.observations import law_of_wind, of_weather_model
 from pareto_ltl.wind.readings import Readings

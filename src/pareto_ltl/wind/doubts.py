@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from careful_io.times import HOUR, iso
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.times import HOUR, iso
 from pareto_ltl.wind.error_law import ErrorLaw
 from pareto_ltl.wind.readings import Readings
 

@@ -25,8 +25,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from careful_io.times import HOUR
 from pareto_ltl.support.arrays import FloatArray, require_shape
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.change_law import ChangeLaw, Variability
 
 FORECAST = "forecast"  # the only part of a law of version 1

@@ -18,15 +18,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from careful_io import folders
+from careful_io.archives import read_npz
+from careful_io.files import write_npz
+from careful_io.fingerprints import code_fingerprint
+from careful_io.texts import probability_text
+from careful_io.times import HOUR
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support import cache
-from pareto_ltl.support.archives import read_npz
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray, require_shape
-from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import write_npz
-from pareto_ltl.support.fingerprints import code_fingerprint
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind import gp, modes
 from pareto_ltl.wind.records import (
     TIME,
@@ -348,7 +349,7 @@ def cached_wind_table(task: WindTask) -> WindTable:
     """
     folder, key = cache.cache_root() / cache.FITS_FOLDER, task_key(task)
     try:
-        cache.make_private(folder)
+        folders.make_private(folder)
     except (OSError, DataError) as error:
         return _unkept(folder, error, tabulate_wind(task))
     if (table := _kept_table(folder, key, task)) is not None:
@@ -405,7 +406,7 @@ def _kept_table(folder: Path, key: str, task: WindTask) -> WindTable | None:
     except (DataError, ValueError, TypeError, KeyError) as error:
         _warn_once(f"{path} is damaged and is made again: {error}")
         return None
-    cache.mark_used(path)
+    folders.mark_used(path)
     return table
 
 
@@ -413,7 +414,7 @@ def _keep_table(folder: Path, key: str, table: WindTable) -> None:
     content = table._asdict()
     content |= content.pop("score")
     write_npz(folder / f"{key}.npz", {name: np.asarray(value) for name, value in content.items()})
-    cache.trim_folder(folder, cache.cache_limit())
+    folders.trim_folder(folder, cache.cache_limit())
 
 
 @lru_cache(maxsize=8)

@@ -12,8 +12,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from careful_io.times import HOUR
 from pareto_ltl.support.arrays import FloatArray, require_shape
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.change_law import Variability, variability_of_document
 from pareto_ltl.wind.error_law import FORECAST, ErrorLaw, LawPart, Rows, read_rows, written_rows
 

@@ -24,8 +24,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from careful_io.machine import cores
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
-from pareto_ltl.support.machine import cores
 from pareto_ltl.wind import gp
 from pareto_ltl.wind.gp import CORRELATIONS, WindPosterior, pairwise_distances, same_places
 from pareto_ltl.wind.records import ENSEMBLE, SPACE, TIME

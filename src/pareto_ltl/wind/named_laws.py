@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from careful_io.reading import Advice
 from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.reading import Advice
 from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl.wind.error_law import ErrorLaw

@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from careful_io.files import write_bytes
+from careful_io.reading import inside, read_json
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.file_formats import DAMAGE
-from pareto_ltl.support.files import write_bytes
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, parse_level
-from pareto_ltl.support.reading import inside, read_json
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.wind.air import MapAir
 from pareto_ltl.wind.error_law import ErrorLaw
@@ -110,7 +110,7 @@ def read_netcdf(path: Path) -> WindField:
     DataError
         If the file does not exist or is not valid.
     """
-    from pareto_ltl.support.netcdf4 import opened_netcdf
+    from careful_io.netcdf4 import opened_netcdf
 
     if not path.is_file():
         raise DataError(f"wind field {path} does not exist; expected the wind.nc of a run")

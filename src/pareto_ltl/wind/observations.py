@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from careful_io.texts import probability_text
+from careful_io.times import HOUR, iso, seconds
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, rotate_vectors
-from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import DEPTH, parse_level
 from pareto_ltl.support.sphere import on_sphere
-from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl.wind.air import MapAir, NodeAir, map_air
 from pareto_ltl.wind.area import swap_question
 from pareto_ltl.wind.change_law import Variability, reasons_text

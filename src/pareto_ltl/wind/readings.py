@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from careful_io.faults import Faults
+from careful_io.times import iso, seconds
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.display import Displayed
-from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import DEPTH, Level
 from pareto_ltl.support.sphere import wrap_longitude
-from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.air import NodeAir
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from careful_io.messages import shown_text
+from careful_io.reading import refuse_special
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.settings.wind import WindSource, usual_level, wind_formats, wind_sources
@@ -15,8 +17,6 @@ from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extensions import known_kind
 from pareto_ltl.support.file_formats import is_data_file
-from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.reading import refuse_special
 from pareto_ltl.wind.area import ALL_WIND, Wanted
 from pareto_ltl.wind.readings import Readings
 

@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from careful_io.messages import shown_value
+from careful_io.texts import listed_text
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.support.display import Displayed, listed_text
+from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.messages import shown_value
 from pareto_ltl.world.polygons import GridRing, convex_parts, drop_flat, ring_edges, rotated_ring
 from pareto_ltl.world.scene import Scene
 

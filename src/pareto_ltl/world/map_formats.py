@@ -10,9 +10,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from careful_io.messages import LONGEST_LINE, shown_text
+from careful_io.reading import Advice
 from pareto_ltl.support.extensions import FORMAT_GROUP, installed_object
-from pareto_ltl.support.messages import LONGEST_LINE, shown_text
-from pareto_ltl.support.reading import Advice
 
 if TYPE_CHECKING:
     from pareto_ltl.world.scene_sketch import SceneSketch

@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from careful_io.messages import shown_text, shown_value
+from careful_io.projections import refuse_files
+from careful_io.times import utc_moment
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_text, shown_value
-from pareto_ltl.support.projections import refuse_files
-from pareto_ltl.support.times import utc_moment
 
 if TYPE_CHECKING:
     import pyproj

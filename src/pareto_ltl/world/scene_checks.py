@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import shapely
 
+from careful_io.faults import Faults
+from careful_io.messages import shown_text
+from careful_io.texts import distance_text
 from ltlf import name_fault
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.faults import Faults
-from pareto_ltl.support.messages import shown_text
 from pareto_ltl.world import scene_shapes as draw
 from pareto_ltl.world.cells import convex_pieces
 from pareto_ltl.world.polygons import outlines_of

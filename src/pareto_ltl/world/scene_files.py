@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.archives import stored
+from careful_io.faults import Faults
+from careful_io.files import write_json
+from careful_io.messages import shown_text, shown_value
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.faults import Faults
-from pareto_ltl.support.files import write_json
-from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.schemas import check_document
+from pareto_ltl.support.stored import stored
 from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.map_formats import MapFormats, map_formats

@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
+from careful_io.faults import Faults
+from careful_io.files import write_json
+from careful_io.messages import shown_text
+from careful_io.texts import distance_text, listed_text
+from careful_io.times import lacks_zone
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.settings.building import section_of
 from pareto_ltl.settings.heights import Height
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, listed_text
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.faults import Faults
-from pareto_ltl.support.files import write_json
-from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import choices
-from pareto_ltl.support.times import lacks_zone
 from pareto_ltl.world import projection
 from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.projection import Frame

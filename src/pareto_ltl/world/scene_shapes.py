@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import shapely
 
+from careful_io.texts import distance_text
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene_mend import enclosed_area

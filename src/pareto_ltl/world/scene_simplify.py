@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from pareto_ltl.support.display import distance_text
+from careful_io.texts import distance_text
 from pareto_ltl.world.scene_shapes import clipped_parts
 from pareto_ltl.world.scene_sketch import DrawingRules, SceneSketch
 

@@ -15,9 +15,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from careful_io.texts import distance_text
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text
 from pareto_ltl.world.scene import Scene
 
 LOG = logging.getLogger(__name__)

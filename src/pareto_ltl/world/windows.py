@@ -7,10 +7,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from careful_io.messages import shown_text
+from careful_io.times import hours_text
 from ltlf import clock_span
+from pareto_ltl.support.departure import seconds_after
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.times import hours_text, seconds_after
 
 ROUNDING = 1e-6  # [s] tolerance at the ends of a window
 

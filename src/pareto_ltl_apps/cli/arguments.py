@@ -8,8 +8,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, NoReturn, TypeVar
 
+from careful_io.messages import shown_text, shown_value, wrong_value
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_text, shown_value, wrong_value
 from pareto_ltl_apps.exports.kinds import format_names
 
 METRES = {"": 1.0, "m": 1.0, "km": 1e3, "nmi": 1852.0}

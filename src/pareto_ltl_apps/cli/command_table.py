@@ -12,8 +12,8 @@ from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from careful_io.messages import shown_value
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_value
 from pareto_ltl_apps.cli import arguments as read
 from pareto_ltl_apps.cli.arguments import accepted
 from pareto_ltl_apps.exports.kinds import FORMATS

@@ -33,15 +33,15 @@ from hydra.types import RunMode, TaskFunction
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from careful_io.error_lines import one_line
+from careful_io.messages import shown_text
+from careful_io.reading import Advice
+from careful_io.yaml_files import read_yaml
 from pareto_ltl import Settings, __version__
 from pareto_ltl.extend import Pipeline
-from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 from pareto_ltl.support.extras import install_command
-from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.reading import Advice
 from pareto_ltl.support.resources import resource_folder
-from pareto_ltl.support.yaml_files import read_yaml
 from pareto_ltl_apps.cli.arguments import HELP_FLAGS, CommandArguments
 from pareto_ltl_apps.cli.setting_keys import refuse_unknown_key, settings_from
 from pareto_ltl_apps.cli.wind_words import unread_wind_source, wind_file_words

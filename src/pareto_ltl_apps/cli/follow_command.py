@@ -26,8 +26,8 @@ ASSESSED = 60.0  # [s] at most between two statuses, from which alarms follow
 
 def follow(options: Namespace, output: Output) -> int:
     """Print what a watch says about a flight, and write its journal; return 0."""
+    from careful_io.files import write_json
     from pareto_ltl import load_results
-    from pareto_ltl.support.files import write_json
     from pareto_ltl_apps.flight.afterwards import draw_watch, truth_summary, write_search_area
     from pareto_ltl_apps.flight.following import FOLDER, Session
     from pareto_ltl_apps.flight.replans import ReplanSettings

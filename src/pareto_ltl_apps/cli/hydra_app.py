@@ -16,9 +16,9 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from careful_io.error_lines import one_line
 from pareto_ltl import Run
 from pareto_ltl.extend import Pipeline, ProgressBar
-from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, DataError, FormulaError, InfeasibleError
 from pareto_ltl_apps.cli.command_table import COMMANDS, PIPELINE_COMMANDS
 from pareto_ltl_apps.cli.composition import (

@@ -11,13 +11,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from careful_io.links import refuse_links_out
+from careful_io.locks import claim_folder
+from careful_io.messages import shown_text, shown_value
+from careful_io.texts import probability_text
 from pareto_ltl import Settings
-from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError, FormulaError
 from pareto_ltl.support.extras import require_extra
-from pareto_ltl.support.links import refuse_links_out
-from pareto_ltl.support.locks import claim_folder
-from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl_apps.cli.output import Answer, Output, print_answer, print_problem, shown_table
 
 if TYPE_CHECKING:
@@ -94,10 +94,11 @@ def warmup(options: Namespace) -> Answer:
 
 def cache(options: Namespace) -> Answer:
     """Folder and size of the cache, after clearing it if that is asked for."""
+    from careful_io.folders import folder_size
     from pareto_ltl.support import cache
 
     folder = cache.cache_root()
-    files, total = cache.folder_size(folder)
+    files, total = folder_size(folder)
     if options.action == "clear":
         cache.clear_cache(folder)
         cleared = f"cleared {total / 2**20:.1f} MiB from {folder}"

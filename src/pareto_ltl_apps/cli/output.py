@@ -18,17 +18,17 @@ from enum import Enum
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.support.error_lines import one_line
+from careful_io.error_lines import one_line
+from careful_io.files import plain_data
+from careful_io.messages import shown_line
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
-from pareto_ltl.support.files import plain_data
-from pareto_ltl.support.messages import shown_line
 from pareto_ltl_apps.stopping import StoppedError, signals_raise
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 COLUMNS = 80
-OURS = ("pareto_ltl", "typed_kernels", "py.warnings")  # the loggers whose warnings are shown
+OURS = ("pareto_ltl", "careful_io", "typed_kernels", "py.warnings")  # the loggers whose warnings are shown
 EXPECTED_ERRORS: tuple[type[Exception], ...] = (ParetoLtlError, OSError)
 
 
@@ -48,7 +48,7 @@ class Answer:
     Attributes
     ----------
     document : mapping
-        For programs; :func:`~pareto_ltl.support.files.plain_data` turns it into JSON.
+        For programs; :func:`~careful_io.files.plain_data` turns it into JSON.
     lines : sequence
         For people: text, which is printed as it is, or objects that ``rich`` renders.
     written : sequence of path-like

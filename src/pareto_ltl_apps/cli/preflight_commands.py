@@ -6,8 +6,8 @@ from argparse import Namespace
 from collections.abc import Sequence
 from textwrap import wrap
 
+from careful_io.messages import shown_value, wrong_value
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_value, wrong_value
 from pareto_ltl_apps.cli.output import COLUMNS, Answer
 
 NO_GO = 3  # exit code; 1 is for a crash, 2 for an input that cannot be read

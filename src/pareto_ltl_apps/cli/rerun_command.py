@@ -12,11 +12,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from careful_io.error_lines import one_line
+from careful_io.links import refuse_links_out
+from careful_io.messages import shown_text
 from pareto_ltl import Run
-from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
-from pareto_ltl.support.links import refuse_links_out
-from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.run_status import ending_text
 from pareto_ltl_apps.cli.output import Answer
 from pareto_ltl_apps.formats.settings import IngestConfig
@@ -153,7 +153,7 @@ def _written_names(pipeline: Pipeline, *places: Path) -> list[str]:
 
 def _tables_elsewhere(before: Mapping[str, Any], place: Path) -> dict[str, bool]:
     """For each file that the run wrote outside its directory: whether the second run made the same."""
-    from pareto_ltl.support.fingerprints import file_fingerprint
+    from careful_io.fingerprints import file_fingerprint
 
     outputs = before.get("outputs")
     made = ((str(name), place / Path(str(name)).name, digest) for name, digest in (outputs or {}).items())

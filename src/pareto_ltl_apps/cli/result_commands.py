@@ -9,9 +9,9 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from pareto_ltl.support.display import distance_text, interval_text, probability_text
+from careful_io.messages import shown_text, shown_value
+from careful_io.texts import distance_text, interval_text, probability_text
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.run_status import ending_text
 from pareto_ltl_apps.cli.output import COLUMNS, Answer, collected_warnings, shown_table
 

@@ -19,10 +19,10 @@ from omegaconf.errors import (
     ValidationError,
 )
 
+from careful_io.error_lines import one_line
+from careful_io.messages import shown_text, shown_value
 from pareto_ltl import Settings
-from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl_apps.cli.output import EXPECTED_ERRORS
 
 CONFIGURATION_ERRORS: tuple[type[Exception], ...] = (

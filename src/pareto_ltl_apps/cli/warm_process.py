@@ -27,10 +27,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from careful_io.folders import make_private
+from careful_io.locks import NOTE_START, TakenError, hold_lock, is_held, process_note
 from pareto_ltl import Settings
-from pareto_ltl.support.cache import make_private
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.locks import NOTE_START, TakenError, hold_lock, is_held, process_note
 from pareto_ltl_apps.cli.output import Answer
 from pareto_ltl_apps.cli.warm_client import (
     FORWARDED,

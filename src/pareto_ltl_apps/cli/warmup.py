@@ -22,12 +22,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from careful_io.files import process_lives
+from careful_io.yaml_files import read_yaml
 from pareto_ltl import Settings
 from pareto_ltl.extend import Pipeline
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.files import process_lives
 from pareto_ltl.support.resources import choice_file
-from pareto_ltl.support.yaml_files import read_yaml
 from typed_kernels.watching import compilation_watched
 
 if TYPE_CHECKING:

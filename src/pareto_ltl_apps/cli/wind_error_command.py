@@ -8,9 +8,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from careful_io.messages import shown_value
+from careful_io.times import HOUR
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.messages import shown_value
-from pareto_ltl.support.times import HOUR
 from pareto_ltl_apps.cli.output import Answer
 from pareto_ltl_apps.cli.wind_table_command import check_table, estimate_from_table
 
@@ -40,8 +40,8 @@ def wind_error(options: Namespace) -> Answer:
             raise ConfigError(f"--stations {file}: there is no such file; name tables of METAR reports")
     import numpy as np
 
+    from careful_io.files import write_json
     from pareto_ltl.extend import GeoBox, WindConfig, first_law
-    from pareto_ltl.support.files import write_json
     from pareto_ltl_apps.view.wind_error import draw_wind_error
     from pareto_ltl_apps.wind_errors.error_estimate import error_document, estimate_errors, estimated_law
     from pareto_ltl_apps.wind_errors.full_winds import full_winds

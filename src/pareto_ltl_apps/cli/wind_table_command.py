@@ -88,8 +88,8 @@ def estimate_from_table(options: Namespace) -> Answer:
         raise ConfigError(
             "--stations is for folders of GRIB files; give observations as columns of the table"
         )
-    from pareto_ltl.support.files import write_json
-    from pareto_ltl.support.fingerprints import file_fingerprint
+    from careful_io.files import write_json
+    from careful_io.fingerprints import file_fingerprint
     from pareto_ltl_apps.cli.wind_error_command import LONGEST_NAME, check_out
     from pareto_ltl_apps.view.wind_law import write_law_page
     from pareto_ltl_apps.wind_errors.law_estimate import estimate_law

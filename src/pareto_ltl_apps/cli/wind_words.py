@@ -7,9 +7,9 @@ from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
 
+from careful_io.messages import shown_text
 from pareto_ltl.extend import wind_sources
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_text
 from pareto_ltl.support.resources import choices
 
 

@@ -17,12 +17,12 @@ from functools import lru_cache
 from types import NoneType, UnionType
 from typing import Any
 
+from careful_io.messages import shown_text, shown_value
+from careful_io.reading import shown_json
 from pareto_ltl import Settings
 from pareto_ltl.extend import Setting
 from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_text, shown_value
-from pareto_ltl.support.reading import shown_json
 from pareto_ltl.support.resources import choices
 from pareto_ltl_apps.desk.folder import DeskFolder
 

@@ -19,10 +19,10 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
+from careful_io.error_lines import one_line
+from careful_io.reading import Advice, parse_json, read_json, shown_json
 from pareto_ltl import __version__
-from pareto_ltl.support.error_lines import one_line
 from pareto_ltl.support.errors import ConfigError, NotFoundError, ParetoLtlError
-from pareto_ltl.support.reading import Advice, parse_json, read_json, shown_json
 from pareto_ltl_apps.desk import backdrop, missions, views
 from pareto_ltl_apps.desk.earth import LONGEST_NAME, ground_view
 from pareto_ltl_apps.desk.explaining import Explainer

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from careful_io.messages import shown_text, shown_value
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError, NotFoundError
-from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl_apps.desk import geotiff
 from pareto_ltl_apps.desk.folder import MAPS, DeskFolder
 from pareto_ltl_apps.formats.map_file import MapFile

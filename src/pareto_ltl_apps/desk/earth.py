@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from careful_io.messages import shown_value
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_value
 from pareto_ltl_apps.view.geography import FINEST, geography_of
 
 LONGEST_NAME = 80  # characters of a search

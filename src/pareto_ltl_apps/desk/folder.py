@@ -15,10 +15,10 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from careful_io.files import write_bytes, write_text
+from careful_io.messages import shown_value
+from careful_io.reading import read_json
 from pareto_ltl.support.errors import ConfigError, DataError, NotFoundError
-from pareto_ltl.support.files import write_bytes, write_text
-from pareto_ltl.support.messages import shown_value
-from pareto_ltl.support.reading import read_json
 
 MAPS, WINDS, PLANS, DRAFT = "maps", "winds", "plans", "mission.json"
 REMOVED = "removed"  # plans that were taken from the list

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from careful_io.messages import shown_value
+from careful_io.reading import shown_json
 from pareto_ltl import Settings
 from pareto_ltl.support.errors import ConfigError, DataError, NotFoundError
-from pareto_ltl.support.messages import shown_value
-from pareto_ltl.support.reading import shown_json
 from pareto_ltl.support.resources import choice_file, choices
 from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl_apps.desk.allowed import parted, setting_words

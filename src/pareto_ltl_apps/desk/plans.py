@@ -14,10 +14,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from careful_io.files import write_json
+from careful_io.messages import shown_value
+from careful_io.reading import read_json, read_text
 from pareto_ltl.support.errors import DataError, NotFoundError
-from pareto_ltl.support.files import write_json
-from pareto_ltl.support.messages import shown_value
-from pareto_ltl.support.reading import read_json, read_text
 from pareto_ltl.support.run_status import RUN_LOG
 from pareto_ltl_apps.desk.folder import PLAN_NAME, PLANS, DeskFolder
 from pareto_ltl_apps.view.in_words import mission_in_words

@@ -9,12 +9,12 @@ import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
+from careful_io.times import seconds
 from pareto_ltl import Readings, Scene, WindField
 from pareto_ltl.extend import Frame, GeoBox, Wanted, WindConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.levels import ALIKE, Level, parse_level
 from pareto_ltl.support.medium import medium_of
-from pareto_ltl.support.times import seconds
 from pareto_ltl_apps.desk.folder import DeskFolder
 from pareto_ltl_apps.formats.wind_sources import SOURCES, levels_in_files
 from pareto_ltl_apps.view.page.ground import rounded

@@ -15,9 +15,9 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from careful_io.texts import distance_text, probability_text, rate_text
 from pareto_ltl.extend import Branch, Branching, FlownAir, Frame, Plan, Problem, plans_on_branches
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, probability_text, rate_text
 from pareto_ltl_apps.exports.navigation_log import SHARE, NavigationLog, navigation_log
 
 OF_STEPS = ("t", "x", "utc", "lat", "lon", "major", "minor", "azimuth", "radius")  # T + 1 entries

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from careful_io.files import write_bytes
 from pareto_ltl import Scene
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import write_bytes
 from pareto_ltl_apps.exports.branches import branch_cards
 from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl_apps.exports.kinds import ExportFormat, format_named

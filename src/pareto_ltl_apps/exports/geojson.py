@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.files import plain_data
 from pareto_ltl import Scene
 from pareto_ltl.extend import Frame
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.files import plain_data
 from pareto_ltl_apps.exports.branches import dividing_lines, reach_of
 from pareto_ltl_apps.exports.corridor import Corridor
 from pareto_ltl_apps.exports.degrees import line_parts, polygon_parts, united_rings

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.files import plain_data
 from pareto_ltl.extend import Branching
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import plain_data
 from pareto_ltl_apps.exports.branches import track_bearing
 from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl_apps.exports.geojson import listed_json

@@ -13,9 +13,9 @@ import json
 from dataclasses import asdict
 from typing import Any
 
+from careful_io.files import plain_data
 from pareto_ltl.extend import Frame
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.files import plain_data
 from pareto_ltl_apps.exports.degrees import closes, crosses, polygon_parts
 from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl_apps.exports.geojson import border_corners

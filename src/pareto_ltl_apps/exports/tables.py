@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.files import csv_text
+from careful_io.texts import speed_digits
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import speed_digits
-from pareto_ltl.support.files import csv_text
 from pareto_ltl_apps.exports.exported import ExportedPlan
 from pareto_ltl_apps.exports.navigation_log import LEG_COLUMNS, SPREAD_COLUMNS, NavigationLog
 

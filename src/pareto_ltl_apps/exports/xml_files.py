@@ -13,9 +13,9 @@ from xml.etree import ElementTree as Xml
 
 import numpy as np
 
+from careful_io.names import joined_names
 from pareto_ltl.extend import Frame
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.names import joined_names
 from pareto_ltl_apps.exports.branches import dividing_lines, reach_of
 from pareto_ltl_apps.exports.degrees import united_rings
 from pareto_ltl_apps.exports.exported import ExportedPlan

@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.files import write_bytes
 from pareto_ltl import Run, Scene
 from pareto_ltl.extend import Frame
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import write_bytes
 from pareto_ltl_apps.exports.corridor import FINEST
 from pareto_ltl_apps.exports.ellipses import ellipse_outlines, ellipse_scale
 from pareto_ltl_apps.exports.geojson import feature

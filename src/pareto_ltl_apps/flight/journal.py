@@ -13,10 +13,10 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
+from careful_io.links import open_unlinked
+from careful_io.messages import shown_value
+from careful_io.reading import refuse_special
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.links import open_unlinked
-from pareto_ltl.support.messages import shown_value
-from pareto_ltl.support.reading import refuse_special
 
 NAME = "follow.jsonl"
 SCHEMA = "pareto_ltl.follow/2"

@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Callable
 
-from pareto_ltl.support.display import distance_text, in_kilometres, probability_text
+from careful_io.texts import distance_text, in_kilometres, probability_text
 from pareto_ltl.support.medium import AIR, MEDIA
 from pareto_ltl_apps.flight.goals import BELIEVED
 from pareto_ltl_apps.flight.rules import Event

@@ -19,10 +19,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from careful_io.reading import refuse_special
+from careful_io.times import utc_moment
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extras import require_extra
-from pareto_ltl.support.reading import refuse_special
-from pareto_ltl.support.times import utc_moment
 from pareto_ltl_apps.exports.mavlink import NAMES
 from pareto_ltl_apps.flight.airspeeds import Airspeeds
 from pareto_ltl_apps.flight.clocks import StampClock, SteadyClock, VehicleClock

@@ -20,6 +20,9 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.files import write_json
+from careful_io.fingerprints import file_hashes
+from careful_io.texts import distance_text, probability_text
 from pareto_ltl import Readings, Run, WindField
 from pareto_ltl.extend import (
     FailureRate,
@@ -34,9 +37,7 @@ from pareto_ltl.extend import (
 )
 from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.counts import paired_difference
-from pareto_ltl.support.display import Displayed, distance_text, probability_text
-from pareto_ltl.support.files import write_json
-from pareto_ltl.support.fingerprints import file_hashes
+from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.seeds import stage_seeds
 from pareto_ltl_apps.flight.known_errors import errors_text, settings_of_errors
 from pareto_ltl_apps.flight.position_fixes import Situation, fixes_from, planned_step, situation_at

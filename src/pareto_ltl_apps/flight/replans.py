@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.files import write_csv
 from pareto_ltl.support.counts import paired_difference
-from pareto_ltl.support.files import write_csv
 from pareto_ltl_apps.flight.rules import Event, alarm, event_of
 from pareto_ltl_apps.flight.telemetry import Typed
 from pareto_ltl_apps.flight.watch import Watch

@@ -15,6 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.fingerprints import file_hashes
+from careful_io.messages import shown_text
+from careful_io.texts import distance_text
 from pareto_ltl import Readings, Run, Scene, Settings, WindField
 from pareto_ltl.extend import (
     Learnt,
@@ -28,10 +31,7 @@ from pareto_ltl.extend import (
     evaluate,
 )
 from pareto_ltl.support.arrays import FloatArray, length_of, square_matrices
-from pareto_ltl.support.display import distance_text
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
-from pareto_ltl.support.fingerprints import file_hashes
-from pareto_ltl.support.messages import shown_text
 from pareto_ltl_apps.flight.known_errors import robot_given
 from pareto_ltl_apps.flight.position_fixes import FAR, Situation, chance
 from pareto_ltl_apps.formats.content import source_of_path

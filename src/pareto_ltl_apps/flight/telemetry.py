@@ -18,12 +18,12 @@ from typing import TextIO
 
 import numpy as np
 
+from careful_io.messages import shown_value
+from careful_io.reading import refuse_special
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.atmosphere import true_airspeed
+from pareto_ltl.support.departure import seconds_after
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_value
-from pareto_ltl.support.reading import refuse_special
-from pareto_ltl.support.times import seconds_after
 
 NEEDED = ("time", "heading_true")
 TRUE, CALIBRATED = "airspeed_tas_m_s", "airspeed_cas_m_s"  # columns of the two airspeeds

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from careful_io.messages import shown_text
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_text
 from pareto_ltl_apps.formats.grid_directions import WAY_OUT, twist_of_grib, twist_of_plane, twist_of_pole
 from pareto_ltl_apps.formats.quantities import EARTH, GRID
 from pareto_ltl_apps.formats.snapshots import Nodes

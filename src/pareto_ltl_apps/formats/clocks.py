@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from careful_io.messages import shown_text, shown_value
+from careful_io.times import seconds
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_text, shown_value
-from pareto_ltl.support.times import seconds
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -6,9 +6,9 @@ import glob
 from itertools import islice
 from pathlib import Path
 
+from careful_io.messages import shown_value
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.file_formats import first_bytes, format_of, is_data_file
-from pareto_ltl.support.messages import shown_value
 from pareto_ltl_apps.formats.grib_frames import check_frames, parameters
 from pareto_ltl_apps.formats.netcdf_files import quantities_in
 from pareto_ltl_apps.formats.quantities import CURRENTS, WINDS

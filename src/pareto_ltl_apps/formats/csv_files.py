@@ -18,17 +18,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from careful_io.faults import Faults, FaultsError
+from careful_io.files import write_text
+from careful_io.messages import shown_text, shown_value
+from careful_io.times import HOUR, iso
 from pareto_ltl import Readings
 from pareto_ltl.extend import NodeAir, Snapshot, readings_of
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.atmosphere import temperature_scale
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.faults import Faults, FaultsError
-from pareto_ltl.support.files import write_text
 from pareto_ltl.support.levels import PRESSURES
-from pareto_ltl.support.messages import shown_text, shown_value
 from pareto_ltl.support.sphere import wrap_longitude
-from pareto_ltl.support.times import HOUR, iso
 from pareto_ltl.wind.readings import check_readings
 from pareto_ltl_apps.formats.flow_components import FROM, SPEED, TEMPERATURE, TOWARDS, polar_winds
 from pareto_ltl_apps.formats.speed_units import EXPECTED, KNOT, speed_factor

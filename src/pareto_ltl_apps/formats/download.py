@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
 
+from careful_io.messages import shown_text
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_text
 
 LOG = logging.getLogger("pareto_ltl.formats.download")
 TIMEOUT = 30.0  # [s] without a byte

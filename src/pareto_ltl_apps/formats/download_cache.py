@@ -7,11 +7,12 @@ import logging
 import tempfile
 from pathlib import Path
 
+from careful_io import folders
+from careful_io.files import write_bytes, write_json
+from careful_io.fingerprints import file_fingerprint
+from careful_io.reading import read_json
 from pareto_ltl.support import cache
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import write_bytes, write_json
-from pareto_ltl.support.fingerprints import file_fingerprint
-from pareto_ltl.support.reading import read_json
 
 LOG = logging.getLogger("pareto_ltl.formats.download_cache")
 REQUEST_SCHEMA = "pareto_ltl.download/1"
@@ -28,7 +29,7 @@ class DownloadCache:
         self.folder = cache.cache_root() / cache.DOWNLOADS_FOLDER
         self._own: tempfile.TemporaryDirectory[str] | None = None
         try:
-            cache.make_private(self.folder)
+            folders.make_private(self.folder)
         except (OSError, DataError) as error:
             self._leave(error)
 
@@ -43,7 +44,7 @@ class DownloadCache:
             if stored.get("schema") != REQUEST_SCHEMA or not path.is_file():
                 return None
             if file_fingerprint(path) == stored.get("sha256"):
-                cache.mark_used(path)
+                folders.mark_used(path)
                 return path
         except (DataError, OSError, KeyError):
             pass
@@ -67,7 +68,7 @@ class DownloadCache:
 
     def trim(self) -> None:
         """Remove the least recently used files beyond the size limit of the cache."""
-        cache.trim_folder(self.folder, cache.cache_limit(), ".grib2")
+        folders.trim_folder(self.folder, cache.cache_limit(), ".grib2")
 
     def _request(self, url: str, wanted: str) -> Path:
         return self.folder / f"{hashlib.sha256(f'{url} {wanted}'.encode()).hexdigest()}.json"

@@ -15,6 +15,8 @@ from typing import NamedTuple, NoReturn
 
 import numpy as np
 
+from careful_io.messages import shown_line, shown_text
+from careful_io.reading import SHOWN, Advice, read_text
 from pareto_ltl.extend import (
     Automaton,
     AutomatonFormats,
@@ -26,8 +28,6 @@ from pareto_ltl.extend import (
 )
 from pareto_ltl.support.arrays import BoolArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_line, shown_text
-from pareto_ltl.support.reading import SHOWN, Advice, read_text
 from pareto_ltl_apps.formats import hoa_labels
 
 MAX_HOA_BYTES = 2**23

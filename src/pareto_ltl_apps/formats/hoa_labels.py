@@ -8,8 +8,8 @@ from typing import NoReturn
 
 import numpy as np
 
+from careful_io.reading import SHOWN
 from pareto_ltl.support.arrays import BoolArray, IntArray
-from pareto_ltl.support.reading import SHOWN
 
 MAX_LABEL_DEPTH = 200  # levels of brackets and negations in a label
 MAX_LABEL_WORK = 2**32  # operands and operators of all labels times letters, which takes a few seconds

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from careful_io.messages import shown_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.levels import HEIGHT, PRESSURE, Level, level_list
-from pareto_ltl.support.messages import shown_text
 from pareto_ltl_apps.formats.download import ByteRange
 from pareto_ltl_apps.formats.flow_components import FROM, SPEED, U, V
 from pareto_ltl_apps.formats.quantities import SURFACE_PRESSURE

@@ -16,11 +16,11 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
+from careful_io.times import HOUR, iso, seconds
 from pareto_ltl import Readings
 from pareto_ltl.extend import Wanted, WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import parse_level
-from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl_apps.formats.download import ByteRange, NotThereError, fetch_bytes
 from pareto_ltl_apps.formats.download_cache import DownloadCache
 from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart

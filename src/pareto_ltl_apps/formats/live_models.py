@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import NamedTuple
 
+from careful_io.times import HOUR
 from pareto_ltl.extend import GeoBox
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.levels import HEIGHT, Level
-from pareto_ltl.support.times import HOUR
 from pareto_ltl_apps.formats.quantities import CURRENTS, WINDS, Quantity, level_gap, wanted_level
 
 OLDEST_CYCLE = 48  # [h] older cycles are not searched for

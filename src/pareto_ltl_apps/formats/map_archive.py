@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import TypeVar
 from urllib.parse import unquote
 
-from pareto_ltl.support import reading
+from careful_io import reading
+from careful_io.messages import shown_text
+from careful_io.reading import MAX_BYTES, Advice, read_bounded
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.reading import MAX_BYTES, Advice, read_bounded
 
 Found = TypeVar("Found")
 MAX_TRIED = 20  # KML files of an archive among which the map is looked for

@@ -9,9 +9,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from careful_io.messages import shown_text
 from pareto_ltl.extend import Unread
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_text
 from pareto_ltl_apps.formats.map_file import MapFile
 
 CORNERS = 64  # of the polygon in a circle of inclusion; it lacks 0.2 % of the area

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from careful_io.messages import shown_text
 from pareto_ltl.extend import Unread
-from pareto_ltl.support.messages import shown_text
 
 
 @dataclass(frozen=True, slots=True)

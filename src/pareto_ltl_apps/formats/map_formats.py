@@ -9,12 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from careful_io import reading
+from careful_io.reading import Advice, read_bounded, shown_json
 from pareto_ltl.extend import MapFormats, SceneSketch
-from pareto_ltl.support import reading
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.reading import Advice, read_bounded, refuse_many_features, shown_json
 from pareto_ltl_apps.formats import map_airspace as airspace
 from pareto_ltl_apps.formats import map_fences as fences
+from pareto_ltl_apps.formats.feature_limit import refuse_many_features
 from pareto_ltl_apps.formats.map_archive import KmlSources, any_file, is_archive
 from pareto_ltl_apps.formats.map_features import FeatureReader
 from pareto_ltl_apps.formats.map_file import MapFile, needs_a_map

@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 from xml.etree.ElementTree import Element
 
+from careful_io.messages import shown_text
+from careful_io.reading import Advice
 from pareto_ltl.extend import Unread
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.reading import MAX_FEATURES, Advice, refuse_many_features
+from pareto_ltl_apps.formats.feature_limit import MAX_FEATURES, refuse_many_features
 from pareto_ltl_apps.formats.map_archive import KmlSources, linked_name
 from pareto_ltl_apps.formats.map_file import MapFile
 from pareto_ltl_apps.formats.map_xml import parsed_xml, text_of

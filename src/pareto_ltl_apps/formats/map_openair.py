@@ -12,11 +12,11 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from careful_io.messages import shown_text
 from pareto_ltl.extend import Unread
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.map_lengths import NAUTICAL_MILE, Height, height
-from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.reading import MAX_FEATURES
+from pareto_ltl_apps.formats.feature_limit import MAX_FEATURES
 from pareto_ltl_apps.formats.map_file import MapFile
 
 if TYPE_CHECKING:

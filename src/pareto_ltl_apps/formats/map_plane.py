@@ -10,11 +10,11 @@ from functools import partial
 import numpy as np
 import shapely
 
+from careful_io.faults import Faults
+from careful_io.reading import shown_json
 from pareto_ltl.extend import Frame, Place, SceneSketch, open_bounds
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.faults import Faults
-from pareto_ltl.support.reading import shown_json
 from pareto_ltl_apps.formats.map_edges import straight_in_degrees, unwrapped
 from pareto_ltl_apps.formats.map_features import Drawn, FeatureReader
 from pareto_ltl_apps.formats.map_file import MapFile

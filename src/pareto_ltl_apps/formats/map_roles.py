@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from careful_io.messages import shown_value
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.messages import shown_value
 
 FEATURE_ROLES = ("region", "obstacle", "start", "border", "landmark")
 SYNONYMS = {"bounds": "border"}

@@ -9,8 +9,8 @@ from typing import Any
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
+from careful_io.reading import MAX_DEPTH
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.reading import MAX_DEPTH
 
 MOST_ELEMENTS = 1_000_000
 

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from careful_io.faults import Faults
+from careful_io.messages import shown_value
+from careful_io.times import iso
 from pareto_ltl.extend import GeoBox
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.extras import require_extra
-from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.file_formats import HDF5, format_of, wind_file
 from pareto_ltl.support.levels import DEPTH, PRESSURE, Level, level_list
-from pareto_ltl.support.messages import shown_value
-from pareto_ltl.support.times import iso
 from pareto_ltl_apps.formats.cf_air import AirArray, surface_pressure_of, temperature_of
 from pareto_ltl_apps.formats.cf_directions import with_projection
 from pareto_ltl_apps.formats.cf_grid import levels_of, member_dimension, nodes_of, text
@@ -162,7 +162,7 @@ def _open_dataset(path: Path) -> Iterator[xr.Dataset]:
     import cf_xarray  # noqa: F401 - the accessor ``cf`` of coordinates
     import xarray as xr
 
-    from pareto_ltl.support.netcdf4 import refuse_other_files
+    from careful_io.netcdf4 import refuse_other_files
 
     options: dict[str, Any] = {"decode_times": False, "decode_coords": False, "concat_characters": False}
     with (

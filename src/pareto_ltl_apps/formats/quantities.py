@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from careful_io.faults import Faults
+from careful_io.times import iso
 from pareto_ltl.extend import NodeAir, Snapshot
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, parse_level
-from pareto_ltl.support.times import iso
 from pareto_ltl_apps.formats.flow_components import FROM, SPEED, TEMPERATURE, TOWARDS, U, V, polar_winds
 from pareto_ltl_apps.formats.snapshots import GridWind, Nodes
 

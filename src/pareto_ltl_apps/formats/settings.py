@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from careful_io.messages import wrong_value
 from pareto_ltl.extend import CheckedSettings, check_time, setting
 from pareto_ltl.settings.checks import are_pairs
-from pareto_ltl.support.messages import wrong_value
 
 
 def check_outline(key: str, value: Any) -> None:

@@ -13,14 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from careful_io.faults import Faults
+from careful_io.times import iso
 from pareto_ltl import Readings
 from pareto_ltl.extend import GeoBox, NodeAir, Snapshot, WindConfig, readings_of
 from pareto_ltl.support.arrays import FloatArray, IntArray, rotate_vectors
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.faults import Faults
 from pareto_ltl.support.levels import PRESSURE, Level, parse_level
 from pareto_ltl.support.sphere import wrap_longitude
-from pareto_ltl.support.times import iso
 from pareto_ltl.wind.readings import check_readings
 from pareto_ltl.wind.snapshots import one_level
 

@@ -17,9 +17,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import IO, NamedTuple
 
+from careful_io.times import seconds
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.file_formats import format_of, refuse_other_format
-from pareto_ltl.support.times import seconds
 
 MAX_UNPACKED = 2**28  # [bytes] of a table; of a compressed one, when unpacked
 MAX_ROWS = 1_000_000  # of a table; a row takes 1 kB of memory while it is read

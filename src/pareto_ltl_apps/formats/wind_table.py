@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
+from careful_io.files import write_text
+from careful_io.fingerprints import file_fingerprint
+from careful_io.times import iso, seconds
 from pareto_ltl import Readings
 from pareto_ltl.extend import WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.files import write_text
-from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.support.levels import parse_level
 from pareto_ltl.support.sphere import on_sphere
-from pareto_ltl.support.times import iso, seconds
 from pareto_ltl.wind.observations import FEWEST_READINGS
 from pareto_ltl.wind.readings import farthest_points, shared_nodes
 from pareto_ltl_apps.formats.csv_files import write_csv_table

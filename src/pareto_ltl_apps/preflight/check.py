@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from careful_io.texts import distance_text, interval_text, plain_power, probability_text, speed_digits
 from pareto_ltl import ConfigError, DataError, InfeasibleError, Run, Scene
 from pareto_ltl.extend import (
     Deployment,
@@ -24,14 +25,7 @@ from pareto_ltl.extend import (
     planned_run,
 )
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import (
-    Displayed,
-    distance_text,
-    interval_text,
-    plain_power,
-    probability_text,
-    speed_digits,
-)
+from pareto_ltl.support.display import Displayed
 from pareto_ltl_apps.flight.newer_wind import in_newer_wind
 from pareto_ltl_apps.preflight.containment import HOUR
 from pareto_ltl_apps.preflight.given_volume import given_area

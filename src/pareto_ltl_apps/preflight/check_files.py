@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+from careful_io.files import plain_data, write_json, write_text
 from pareto_ltl import Run
-from pareto_ltl.support.files import plain_data, write_json, write_text
 from pareto_ltl_apps.preflight.check import Check, check_document, check_lines
 from pareto_ltl_apps.view.settings import ReportConfig
 

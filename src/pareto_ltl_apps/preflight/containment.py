@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.random import SeedSequence
 
+from careful_io.texts import distance_text, plain_power, probability_text
 from pareto_ltl import ConfigError, DataError, Run, Scene
 from pareto_ltl.extend import (
     FailureRate,
@@ -26,7 +27,7 @@ from pareto_ltl.extend import (
     weighted_samples,
 )
 from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.support.display import Displayed, distance_text, plain_power, probability_text
+from pareto_ltl.support.display import Displayed
 from pareto_ltl_apps.exports.geojson import LATERAL_FLOOR
 from pareto_ltl_apps.preflight import volumes as shaped
 from pareto_ltl_apps.preflight.given_volume import given_area

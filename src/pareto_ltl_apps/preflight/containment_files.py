@@ -11,11 +11,11 @@ from xml.etree import ElementTree as Xml
 
 import shapely
 
+from careful_io.files import plain_data, write_bytes, write_json, write_text
+from careful_io.fingerprints import file_fingerprint
+from careful_io.texts import distance_text, interval_text, plain_power, probability_text
 from pareto_ltl import ConfigError, Run, Scene
 from pareto_ltl.extend import FailureRate
-from pareto_ltl.support.display import distance_text, interval_text, plain_power, probability_text
-from pareto_ltl.support.files import plain_data, write_bytes, write_json, write_text
-from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl_apps.exports.degrees import polygon_parts
 from pareto_ltl_apps.exports.formats import holds_pole
 from pareto_ltl_apps.exports.geojson import feature, listed_json

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from careful_io.messages import shown_text
+from careful_io.reading import MISSHAPEN, Advice, read_json
 from pareto_ltl import DataError, Scene
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.reading import MISSHAPEN, Advice, read_json
-from pareto_ltl.support.times import seconds_after
+from pareto_ltl.support.departure import seconds_after
 from pareto_ltl_apps.preflight.leaving import Area
 
 ADVICE = Advice(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
+from careful_io.texts import distance_text
 from pareto_ltl.extend import (
     FailureRate,
     FlightEvent,
@@ -20,7 +21,6 @@ from pareto_ltl.extend import (
     weighted_samples,
 )
 from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.support.display import distance_text
 from pareto_ltl_apps.preflight.volumes import distance_to
 
 RARE = 1e-3  # lower rates are estimated with weighted flights: too few plain ones leave

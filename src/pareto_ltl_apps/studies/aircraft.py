@@ -78,7 +78,7 @@ def read_orders(path: Path, airspeed: str = "airspeed_cas_m_s") -> Orders:
     """
     import csv
 
-    from pareto_ltl.support.reading import read_text
+    from careful_io.reading import read_text
 
     names = ("heading_true_deg", airspeed, "duration_s")
     rows = list(csv.DictReader(read_text(path).splitlines()))

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.texts import interval_text, probability_text
 from pareto_ltl import Settings
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
-from pareto_ltl.support.display import interval_text, probability_text
 from pareto_ltl_apps.studies.tables import Columns, markdown_table, mean_chance_columns, rate_cell
 
 KEYS = ("fidelity", "kind")  # rows of a group agree in these

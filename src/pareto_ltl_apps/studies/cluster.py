@@ -15,9 +15,9 @@ from queue import Empty, SimpleQueue
 from socket import gethostname
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from careful_io.fingerprints import code_fingerprint
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extras import require_extra
-from pareto_ltl.support.fingerprints import code_fingerprint
 
 if TYPE_CHECKING:
     from distributed import Client

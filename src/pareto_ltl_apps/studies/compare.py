@@ -41,9 +41,9 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.texts import probability_text
 from pareto_ltl import Run, Settings
 from pareto_ltl.extend import Study
-from pareto_ltl.support.display import probability_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.world.time_step import step_of
 from pareto_ltl_apps.studies import planning, tables

@@ -19,14 +19,14 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.files import plain_data, write_json
+from careful_io.times import HOUR, iso, seconds
 from pareto_ltl import Readings, Run, Scene, Settings
 from pareto_ltl.extend import Pipeline, PlannedPath, ProgressBar, Study, UnpricedRun, which_fail
 from pareto_ltl.planning.selection_rules import within_capacity
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
-from pareto_ltl.support.files import plain_data, write_json
 from pareto_ltl.support.seeds import named_child, stage_seeds
-from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl_apps.exports.navigation_log import expected_winds
 from pareto_ltl_apps.flight.rest_of_flight import quick_settings
 from pareto_ltl_apps.studies import departure_table as tables

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.files import write_npz
+from careful_io.texts import probability_text, rate_text
+from careful_io.times import HOUR, iso, seconds
 from pareto_ltl import Settings
 from pareto_ltl.extend import Plan, Study
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import probability_text, rate_text
-from pareto_ltl.support.files import write_npz
-from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl_apps.studies import departure_fronts, tables
 from pareto_ltl_apps.studies.departure_fronts import NEARLY, Comparison, FlownFront, SeedSpread, rates_at
 from pareto_ltl_apps.studies.settings import DepartureConfig

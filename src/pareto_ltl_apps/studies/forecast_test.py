@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.fingerprints import file_fingerprint
 from pareto_ltl import Run, Settings
 from pareto_ltl.extend import FidelityConfig, Front, GeoBox, MissionConfig, PlannedPath, Snapshot, Study
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
-from pareto_ltl.support.fingerprints import file_fingerprint
 from pareto_ltl.wind.observations import FIT_RADIUS
 from pareto_ltl_apps.formats.settings import IngestConfig
 from pareto_ltl_apps.formats.snapshots import latest_readings

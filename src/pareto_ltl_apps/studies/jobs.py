@@ -25,11 +25,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from pareto_ltl.support.error_lines import one_line
+from careful_io.error_lines import one_line
+from careful_io.files import write_json
+from careful_io.fingerprints import unchanged
+from careful_io.locks import has_note, hold_lock, is_held, process_note
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import write_json
-from pareto_ltl.support.fingerprints import unchanged
-from pareto_ltl.support.locks import has_note, hold_lock, is_held, process_note
 from pareto_ltl.support.run_status import ANSWERS, RUN_LOCK, RUN_LOG
 from pareto_ltl.support.schemas import read_document
 

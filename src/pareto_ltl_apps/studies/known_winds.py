@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from careful_io.files import write_text
+from careful_io.texts import probability_text
+from careful_io.times import HOUR, iso, seconds
 from pareto_ltl import Readings, Run, Scene, Settings, WindField
 from pareto_ltl.extend import Forecast, PlannedPath, Problem, Snapshot, UnpricedRun, with_interpolation_errors
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import probability_text
-from pareto_ltl.support.files import write_text
-from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl_apps.formats.snapshots import known_at, latest_readings
 from pareto_ltl_apps.studies import random_missions
 from pareto_ltl_apps.studies.planning import fly_seeded

@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.files import plain_data, write_json
+from careful_io.texts import probability_text
+from careful_io.times import HOUR, iso, seconds
 from pareto_ltl import ConfigError, DataError, InfeasibleError, Run, Settings
 from pareto_ltl.extend import Study, UnpricedRun, which_fail
 from pareto_ltl.planning.selection_rules import within_capacity
-from pareto_ltl.support.display import probability_text
-from pareto_ltl.support.files import plain_data, write_json
 from pareto_ltl.support.seeds import stage_seeds
-from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl_apps.flight.rest_of_flight import quick_settings
 from pareto_ltl_apps.studies import departure_fronts, tables
 from pareto_ltl_apps.studies.departure import (

@@ -15,13 +15,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from careful_io.files import plain_data, remove_dead_drafts, write_json
+from careful_io.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
+from careful_io.links import refuse_links_out
+from careful_io.machine import cores
+from careful_io.reading import read_json
 from pareto_ltl import Run, Settings
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import plain_data, remove_dead_drafts, write_json
-from pareto_ltl.support.fingerprints import code_fingerprint, data_fingerprint, file_fingerprint
-from pareto_ltl.support.links import refuse_links_out
-from pareto_ltl.support.machine import cores
-from pareto_ltl.support.reading import read_json
 from pareto_ltl_apps.studies import cluster
 from pareto_ltl_apps.studies.jobs import KILLED, JobQueue, JobState, StoredJob
 from pareto_ltl_apps.studies.kinds import study_sections

@@ -14,12 +14,12 @@ from functools import cached_property
 import numpy as np
 from numpy.random import Generator
 
+from careful_io.files import write_json
+from careful_io.times import HOUR, iso, seconds
 from pareto_ltl import Readings, Run, Settings
 from pareto_ltl.extend import Frame, Problem, UnpricedRun, law_of_newer_runs
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.files import write_json
-from pareto_ltl.support.times import HOUR, iso, seconds
 from pareto_ltl_apps.formats.snapshots import known_at, latest_readings
 from pareto_ltl_apps.studies.known_winds import DepartureWinds
 from pareto_ltl_apps.studies.random_missions import (

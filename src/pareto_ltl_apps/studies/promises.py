@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from careful_io.messages import shown_value
+from careful_io.reading import Advice, read_text
 from pareto_ltl import Settings
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.messages import shown_value
-from pareto_ltl.support.reading import Advice, read_text
 from pareto_ltl_apps.studies import calibration
 from pareto_ltl_apps.view.records import Compared, PromiseDiagrams
 

@@ -20,6 +20,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.random import Generator
 
+from careful_io.fingerprints import data_fingerprint
+from careful_io.times import HOUR
 from pareto_ltl import Run, Settings, WindField
 from pareto_ltl.extend import (
     Branching,
@@ -35,9 +37,7 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, length_of
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
-from pareto_ltl.support.fingerprints import data_fingerprint
 from pareto_ltl.support.seeds import stage_seeds
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.records import FORECAST_PARTS, forecast_parts
 from pareto_ltl_apps.exports.exported import HELD_TIME
 from pareto_ltl_apps.flight.branches import rejoining

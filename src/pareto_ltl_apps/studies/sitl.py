@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.random import SeedSequence
 
+from careful_io.texts import rate_text
 from pareto_ltl import Run, Settings
 from pareto_ltl.extend import Deployment, Frame, Plan, Problem, Study
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.simulation import flights
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.extras import require_extra
 from pareto_ltl.support.seeds import stage_seeds, unspawned

@@ -9,9 +9,9 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from careful_io.machine import cores
 from pareto_ltl import Run
 from pareto_ltl.extend import Pipeline, Record, UnpricedRun
-from pareto_ltl.support.machine import cores
 from pareto_ltl_apps.studies.kinds import STUDIES, StudyKind
 from pareto_ltl_apps.studies.settings import EvaluationConfig
 from pareto_ltl_apps.view.settings import FIGURE_FORMATS, ReportConfig

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.texts import interval_text, probability_text
 from pareto_ltl import Settings
 from pareto_ltl.support.arrays import BoolArray
-from pareto_ltl.support.display import interval_text, probability_text
 from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl_apps.studies import calibration
 from pareto_ltl_apps.studies.settings import ForecastTestConfig

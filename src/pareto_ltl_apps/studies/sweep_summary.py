@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
+from careful_io.files import write_csv, write_json, write_text
+from careful_io.messages import shown_text
+from careful_io.texts import interval_text, probability_text
 from pareto_ltl import Settings
-from pareto_ltl.support.display import interval_text, probability_text
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.files import write_csv, write_json, write_text
-from pareto_ltl.support.messages import shown_text
 from pareto_ltl_apps.studies import sweeps
 from pareto_ltl_apps.studies.sweeps import (
     FigureChoice,

@@ -12,10 +12,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from careful_io.files import write_json
+from careful_io.fingerprints import text_fingerprint
+from careful_io.reading import Advice
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.files import write_json
-from pareto_ltl.support.fingerprints import text_fingerprint
-from pareto_ltl.support.reading import Advice
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl_apps.studies.jobs import JobState, Metrics, RunJob
 from pareto_ltl_apps.studies.tables import quartiles_of, rate_interval

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.texts import interval_text, probability_text
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.counts import clopper_pearson
-from pareto_ltl.support.display import interval_text, probability_text
 
 Columns = dict[str, Any]  # columns of a table by name, or one of its rows
 

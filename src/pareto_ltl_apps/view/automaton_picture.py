@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from careful_io.names import quoted_text
 from pareto_ltl.extend import Automaton
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.names import quoted_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

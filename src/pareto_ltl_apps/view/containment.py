@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from careful_io.texts import plain_power
 from pareto_ltl import Scene
 from pareto_ltl.extend import Plan
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import plain_power
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.axes import hide_frame
 from pareto_ltl_apps.view.map import LEFT, TEXT_LINE, WEST, column_map, draw_route

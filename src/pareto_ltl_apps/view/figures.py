@@ -21,6 +21,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from careful_io.texts import distance_text, listed_text
+from careful_io.times import hours_text
 from pareto_ltl import Run, Scene, WindField
 from pareto_ltl.extend import (
     Automaton,
@@ -34,8 +36,7 @@ from pareto_ltl.extend import (
     Tree,
 )
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, listed_text
-from pareto_ltl.support.times import hours_text, seconds_after
+from pareto_ltl.support.departure import seconds_after
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.automaton_picture import automaton_figure, draw_automaton
 from pareto_ltl_apps.view.axes import Figures, save_figures

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from careful_io.times import hours_text
 from pareto_ltl.extend import Formula, parse_formula
 from pareto_ltl.support.errors import FormulaError
-from pareto_ltl.support.times import hours_text
 
 LONGEST = 400  # characters; a longer mission is shown only as a formula
 BINARY_WORDS = {

@@ -9,11 +9,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from careful_io.texts import distance_text, probability_text, rate_text, speed_digits
 from pareto_ltl import Scene
 from pareto_ltl.extend import Deployment, FailureRate, Plan, PlannedPath, Problem, cost_named, show_letter
 from pareto_ltl.logic.timed import places_of
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, probability_text, rate_text, speed_digits
 from pareto_ltl.support.medium import WATER, Medium
 from pareto_ltl_apps.exports.exported import height_sentence
 from pareto_ltl_apps.exports.geojson import border_corners

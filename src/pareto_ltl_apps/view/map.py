@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from careful_io.texts import distance_text, probability_text
 from pareto_ltl import Scene
 from pareto_ltl.extend import Decomposition, Forest, Plan
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl_apps.view import map_layers, style
 from pareto_ltl_apps.view.land import draw_land
 from pareto_ltl_apps.view.map_layers import DRAWN_VERTICES, dense_path, timed_obstacles, visited_outlines

@@ -14,11 +14,11 @@ from matplotlib.collections import EllipseCollection, LineCollection, PolyCollec
 from matplotlib.figure import SubFigure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+from careful_io.texts import in_kilometres
+from careful_io.times import hours_text
 from pareto_ltl import Scene
 from pareto_ltl.extend import Decomposition, Deployment, Forest, Plan, Window
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import in_kilometres
-from pareto_ltl.support.times import hours_text
 from pareto_ltl_apps.exports.branches import COLORS
 from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl_apps.view import style

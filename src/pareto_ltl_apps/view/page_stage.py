@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from careful_io.files import write_bytes
+from careful_io.reading import read_json, read_text
 from pareto_ltl import Run, Settings
-from pareto_ltl.support.files import write_bytes
-from pareto_ltl.support.reading import read_json, read_text
 from pareto_ltl_apps.view import PAGE_FILE
 
 if TYPE_CHECKING:

@@ -19,9 +19,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
+from careful_io.texts import distance_text, probability_text
 from pareto_ltl import Scene, Settings
 from pareto_ltl.extend import Decomposition, Study
-from pareto_ltl.support.display import distance_text, probability_text
 from pareto_ltl_apps.view import axes as shared
 from pareto_ltl_apps.view import map_layers, style
 from pareto_ltl_apps.view.axes import GRID_COLOUR, FigureRow, Figures, column_values, scale_rate_axis

@@ -32,8 +32,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.textpath import TextPath
 
+from careful_io.files import write_bytes
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.files import write_bytes
 
 LOG = logging.getLogger("pareto_ltl.view.style")
 FIRST_FONT = "DejaVu Sans"  # comes with matplotlib: the same letters on every machine

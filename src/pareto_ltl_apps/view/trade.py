@@ -9,10 +9,11 @@ from functools import cached_property
 import numpy as np
 import shapely
 
+from careful_io.texts import distance_text
 from pareto_ltl import Scene
 from pareto_ltl.extend import Front, Plan
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.support.display import distance_text, flights_text
+from pareto_ltl.support.display import flights_text
 from pareto_ltl_apps.view.limits import chosen_number
 
 SHORTER = (0.10, 0.03)  # shares of its length by which a path is worth naming: the first that there is

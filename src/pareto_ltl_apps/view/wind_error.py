@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from careful_io.times import HOUR
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.forecast_error import ForecastError
 from pareto_ltl.wind.gp import CORRELATIONS
 from pareto_ltl_apps.view import style

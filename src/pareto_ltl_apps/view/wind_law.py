@@ -11,10 +11,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from careful_io.files import write_text
+from careful_io.times import HOUR
 from pareto_ltl.extend import LawOfParts
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.files import write_text
-from pareto_ltl.support.times import HOUR
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.axes import panel_row
 from pareto_ltl_apps.view.components import page_environment

@@ -32,11 +32,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from careful_io.fingerprints import file_fingerprint
+from careful_io.times import HOUR, iso
 from pareto_ltl.extend import Snapshot
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.fingerprints import file_fingerprint
-from pareto_ltl.support.times import HOUR, iso
 from pareto_ltl.wind.forecast_error import ForecastError
 from pareto_ltl.wind.gp import CORRELATIONS
 from pareto_ltl_apps.wind_errors.matched_fields import Interval, MatchedFields, PairMoments, Resampling

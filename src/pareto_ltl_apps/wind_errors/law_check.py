@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.times import HOUR
 from pareto_ltl.extend import LawOfParts
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.times import HOUR
 from pareto_ltl_apps.wind_errors.point_forecasts import (
     PointForecasts,
     Verified,

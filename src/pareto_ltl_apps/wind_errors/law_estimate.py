@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from careful_io.times import HOUR
 from pareto_ltl.extend import LawOfParts, LawPart
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import TailScale
 from pareto_ltl_apps.wind_errors.error_moments import error_moments
 from pareto_ltl_apps.wind_errors.law_check import CheckRow, check_rows

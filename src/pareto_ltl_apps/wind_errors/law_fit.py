@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
+from careful_io.times import HOUR
 from pareto_ltl.extend import LawPart
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.gp import CORRELATIONS
 from pareto_ltl_apps.wind_errors.error_moments import ErrorMoments, Targets, targets
 

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import nnls
 
+from careful_io.times import HOUR
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.support.times import HOUR
 from pareto_ltl.wind.error_law import TailScale
 from pareto_ltl_apps.wind_errors.law_check import CheckRow
 from pareto_ltl_apps.wind_errors.scale_mixture import log_density

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from careful_io.times import HOUR
 from pareto_ltl.extend import LawOfParts
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, require_shape
-from pareto_ltl.support.times import HOUR
 
 NEWEST = 12 * HOUR  # longest lead of a run that stands for the wind [s]
 SITUATION = 48 * HOUR  # [s]

@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from careful_io.messages import shown_text
+from careful_io.netcdf4 import opened_netcdf
+from careful_io.times import HOUR
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.messages import shown_text
-from pareto_ltl.support.netcdf4 import opened_netcdf
-from pareto_ltl.support.times import HOUR
 from pareto_ltl_apps.formats.speed_units import EXPECTED, speed_factor
 from pareto_ltl_apps.formats.tables import Table, read_table, seconds_of
 from pareto_ltl_apps.wind_errors.point_forecasts import PointForecasts

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.support.display import distance_text
+from careful_io.texts import distance_text
 from pareto_ltl_verify import laws
+from pareto_ltl_verify.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl_verify.claims import Claim, Verdict, close, likely, no_fault, within
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.flights import RARE, fly, same_rate

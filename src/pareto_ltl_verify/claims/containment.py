@@ -12,9 +12,9 @@ from xml.etree import ElementTree
 import numpy as np
 from scipy.stats import binom
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.support.fingerprints import file_fingerprint
+from careful_io.fingerprints import file_fingerprint
 from pareto_ltl_verify.areas import drawn_fault, rings_of, segment_distance
+from pareto_ltl_verify.arrays import BoolArray, FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, close, far_apart, likely, no_fault
 from pareto_ltl_verify.claims.exports import xml_root
 from pareto_ltl_verify.claims.flights import MAX_FLIGHTS, SEEN

@@ -11,8 +11,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.reading import read_text
+from careful_io.reading import read_text
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault
 from pareto_ltl_verify.evidence import Evidence
 
@@ -83,7 +83,7 @@ def _geojson(result: Evidence) -> Route:
 
 
 def _trajectory(result: Evidence) -> Route:
-    from pareto_ltl.support.netcdf4 import opened_netcdf
+    from careful_io.netcdf4 import opened_netcdf
 
     with opened_netcdf(result.directory / "trajectory.nc") as file:
         lon, lat, t, airspeed = (

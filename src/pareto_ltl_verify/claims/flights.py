@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import binom, hypergeom
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl_verify import flights
+from pareto_ltl_verify.arrays import BoolArray, FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, close, far_apart, likely, no_fault, same, within
 from pareto_ltl_verify.claims.front import flights_judge
 from pareto_ltl_verify.claims.plan import SPREAD, WEIGHTED

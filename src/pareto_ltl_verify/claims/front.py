@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl_verify import laws
+from pareto_ltl_verify.arrays import BoolArray, FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, close, far_apart, likely, no_fault, number, true_of
 from pareto_ltl_verify.claims.plan import LEAST_RISK, RISK, SPREAD
 from pareto_ltl_verify.claims.search import tree_names, vertex_path, vertex_risk

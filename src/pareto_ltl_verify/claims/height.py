@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, close, no_fault, unlike
 from pareto_ltl_verify.claims.exports import GPX, KML, unlike_at, xml_root
 from pareto_ltl_verify.evidence import Evidence

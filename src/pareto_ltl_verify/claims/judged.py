@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.support.names import joined_names
+from careful_io.names import joined_names
+from pareto_ltl_verify.arrays import BoolArray, FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault
 from pareto_ltl_verify.claims.front import FILES, WORLD, cost_columns, flights_judge, judged_rows
 from pareto_ltl_verify.claims.plan import POSITION

@@ -8,7 +8,7 @@ from datetime import datetime
 import numpy as np
 from scipy.special import ndtr
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, close, no_fault, same, unlike
 from pareto_ltl_verify.claims.exports import (
     METRE,

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import ndtr
 from scipy.stats import chi2
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray
+from pareto_ltl_verify.arrays import BoolArray, FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault, same, unlike
 from pareto_ltl_verify.claims.plan import FILES, LEAST_RISK, RISK, step_deviations
 from pareto_ltl_verify.evidence import Evidence

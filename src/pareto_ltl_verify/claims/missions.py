@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.names import joined_names
-from pareto_ltl.support.reading import read_text
+from careful_io.names import joined_names
+from careful_io.reading import read_text
 from pareto_ltl_verify.areas import TOLERANCE, area_fault, drawn_fault
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, close, no_fault, unlike
 from pareto_ltl_verify.claims.exports import (
     CHANGE_SPEED,

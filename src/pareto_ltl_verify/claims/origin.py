@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from pathlib import Path
 from zlib import crc32
 
 import numpy as np
 
-import pareto_ltl
-from pareto_ltl.support.fingerprints import code_fingerprint
-from pareto_ltl.support.resources import checkout
+from careful_io.fingerprints import SOURCES, code_fingerprint
+from careful_io.reading import read_text
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault
 from pareto_ltl_verify.evidence import LAWS, Evidence
 from pareto_ltl_verify.laws import Independent
 
 CODE = "run: version and commit of the code"
-SOURCE = "src/pareto_ltl"  # folder of a checkout whose fingerprint run.json has
+PLANNER = "pareto_ltl"
+SOURCE = f"src/{PLANNER}"  # folder of a checkout whose fingerprint run.json has
 BLOCK = 250  # flights that share a generator
 ALIKE = 0.99  # least correlation of winds with the random numbers of their seed; of others it is near 0
 SECONDS = 5  # that git may take
@@ -36,12 +37,18 @@ def code(result: Evidence) -> Verdict | None:
     """Version and commit belong to the code of this installation; None if other code made the result."""
     if not same_code(result):
         return None
-    run, root = result.run, checkout()
-    faults = [f"version {run['version']}"] * (run["version"] != pareto_ltl.__version__)
-    git = run.get("git")
-    if git and root is not None and not git.get("changed") and _differs(root, str(git["commit"])):
+    run, git = result.run, result.run.get("git")
+    faults = [f"version {run['version']}"] * (run["version"] != _version())
+    checkout = SOURCES.name == "src" and (SOURCES.parent / "pyproject.toml").is_file()
+    if git and checkout and not git.get("changed") and _differs(SOURCES.parent, str(git["commit"])):
         faults.append(f"the code of commit {git['commit'][:12]} is another one")
     return no_fault(f"version {run['version']}", faults)
+
+
+def _version() -> str:
+    """The version of the planner that is installed here, which is not imported."""
+    stated = re.search(r'^__version__ = "(.+)"$', read_text(SOURCES / PLANNER / "__init__.py"), re.MULTILINE)
+    return stated[1] if stated else "unknown"
 
 
 def _differs(root: Path, commit: str) -> bool:

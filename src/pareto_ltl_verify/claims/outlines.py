@@ -10,9 +10,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.names import joined_names
+from careful_io.names import joined_names
 from pareto_ltl_verify.areas import TOLERANCE, drawn_fault, line_fault, ring_fault, rings_of
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, close, no_fault, unlike
 from pareto_ltl_verify.claims.exports import KML, PLAN, TABLE, Rows, column, lonlat, xml_root
 from pareto_ltl_verify.evidence import Evidence, all_branches, all_trees

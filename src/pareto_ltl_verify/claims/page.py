@@ -6,17 +6,16 @@ import re
 from collections.abc import Iterable, Mapping
 from html import unescape
 from html.parser import HTMLParser
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import pareto_ltl
-from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.reading import parse_json, read_text
+from careful_io.errors import DataError
+from careful_io.fingerprints import SOURCES
+from careful_io.reading import parse_json, read_text
 from pareto_ltl_verify import page_texts
 from pareto_ltl_verify.areas import area_fault
+from pareto_ltl_verify.arrays import FloatArray, IntArray
 from pareto_ltl_verify.claims import Claim, Verdict, far_apart, no_fault, same, unlike
 from pareto_ltl_verify.claims.exports import PLAN
 from pareto_ltl_verify.claims.origin import same_code
@@ -42,7 +41,7 @@ FINE = (
 DEGREES = 0.2  # [m] of a place that is rounded to six digits of a degree
 MAX_SHAPES = 20_000  # corners of all areas, of which the page leaves out some if there are more
 INVISIBLE = ("script", "style")
-PACKAGE = Path(pareto_ltl.__file__).parents[1] / "pareto_ltl_apps" / "view"
+PACKAGE = SOURCES / "pareto_ltl_apps" / "view"
 WORLD, UNITS = PACKAGE / "geography" / "world.npz", 500  # of a degree, in which the table has its places
 EDGE = 2e-3  # [deg] of a corner on the edge of what is shown
 BOX_ROUNDING = 6e-4  # [deg] of the edges of what is shown, which have three digits

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 from scipy.special import ndtri
 
-from pareto_ltl.support.names import joined_names
+from careful_io.names import joined_names
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault, number, same, unlike, within
 from pareto_ltl_verify.evidence import LAWS, Evidence
 from pareto_ltl_verify.gaussians import step_margins, step_risk

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault, within
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.geometry import in_plane, on_earth

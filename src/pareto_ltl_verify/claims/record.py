@@ -6,7 +6,7 @@ import math
 from datetime import datetime
 from pathlib import Path
 
-from pareto_ltl.support.fingerprints import data_fingerprint, file_fingerprint
+from careful_io.fingerprints import data_fingerprint, file_fingerprint
 from pareto_ltl_verify.claims import Claim, Verdict, far_apart, no_fault, unlike
 from pareto_ltl_verify.claims.front import cost_columns
 from pareto_ltl_verify.evidence import LAWS, Evidence

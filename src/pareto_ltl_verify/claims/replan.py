@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import ParetoLtlError
+from careful_io.errors import UserError
 from pareto_ltl_verify import laws
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, close, likely, no_fault, same, within
 from pareto_ltl_verify.evidence import Evidence, open_evidence
 from pareto_ltl_verify.flights import RARE, fly, same_rate
@@ -49,7 +49,7 @@ def flown_result(result: Evidence) -> Evidence | None:
         return None
     try:
         return open_evidence(place)
-    except (ParetoLtlError, OSError):
+    except (UserError, OSError):
         return None
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl_verify.arrays import FloatArray, IntArray
 from pareto_ltl_verify.claims import Claim, Verdict, close, no_fault, same, true_of
 from pareto_ltl_verify.claims.plan import FAST, LEAST_RISK, RISK
 from pareto_ltl_verify.evidence import Evidence

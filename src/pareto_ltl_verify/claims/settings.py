@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault
 from pareto_ltl_verify.evidence import Evidence
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from scipy.stats import beta, binom
 
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import interval_text, probability_text
-from pareto_ltl.support.reading import read_text
+from careful_io.reading import read_text
+from careful_io.texts import interval_text, probability_text
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, far_apart, no_fault, unlike
 from pareto_ltl_verify.claims.exports import PLAN, ROUTES
 from pareto_ltl_verify.claims.outlines import corridor_cov

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.display import distance_text, flights_text
+from careful_io.texts import distance_text
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault
 from pareto_ltl_verify.claims.page import PAGE, page_data
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.geometry import within
+from pareto_ltl_verify.wording import flights_text
 
 MUCH, LITTLE = 0.9, 0.97  # lengths of shorter paths that are named, as shares of the length
 LOOP = np.pi  # sum of the turns at positions in a region [rad]

@@ -72,7 +72,7 @@ COLUMNS = {
 
 def units(name: str, result: Evidence) -> Verdict:
     """The units of every variable whose unit is known."""
-    from pareto_ltl.support.netcdf4 import opened_netcdf
+    from careful_io.netcdf4 import opened_netcdf
 
     with opened_netcdf(result.directory / name) as file:
         known = [key for key in UNITS if key in file]
@@ -83,7 +83,7 @@ def units(name: str, result: Evidence) -> Verdict:
 
 def trajectory(result: Evidence) -> Verdict:
     """Every number of trajectory.nc is a number of the table of dead reckoning."""
-    from pareto_ltl.support.netcdf4 import opened_netcdf
+    from careful_io.netcdf4 import opened_netcdf
 
     rows, faults = result.table(TABLE), list[str]()
     with opened_netcdf(result.directory / TRAJECTORY) as file:

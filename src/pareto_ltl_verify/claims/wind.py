@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.support.reading import read_json
-from pareto_ltl.support.resources import PACKAGE
+from careful_io.fingerprints import SOURCES
+from careful_io.reading import read_json
 from pareto_ltl_verify import wind_fit, wind_law
+from pareto_ltl_verify.arrays import FloatArray, IntArray
 from pareto_ltl_verify.claims import Claim, Verdict, close, far_apart, no_fault, same, true_of, within
 from pareto_ltl_verify.claims.readings import models_of
 from pareto_ltl_verify.claims.wind_modes import CLAIMS as MODE_CLAIMS
@@ -22,7 +22,7 @@ from pareto_ltl_verify.wind_fit import Fit
 from pareto_ltl_verify.wind_law import HOUR, VERSION_1, ErrorLaw
 from pareto_ltl_verify.wind_tables import WindFile, level_of
 
-LAWS = PACKAGE / "support" / "data" / "forecast_errors"
+LAWS = SOURCES / "pareto_ltl" / "support" / "data" / "forecast_errors"
 FIRST_LAW, PACKAGED = LAWS / "gfs.json", {path.stem: path for path in (LAWS / "parts").glob("*.json")}
 LAWS_OF_MODELS = {"edzw": "icon_eu", "ecmf": "ecmwf_class", "kwbc 83": "hourly_fine"}  # centre, process
 MOST_NODES = 4000  # limit of the number of nodes of a slot at which the posterior is computed

@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache, partial
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, close, no_fault, number, within
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.wind_fit import Fit, correlation, persistence, posterior_covariance, separation

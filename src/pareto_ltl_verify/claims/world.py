@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.support.projections import refuse_files
+from careful_io.projections import refuse_files
 from pareto_ltl_verify import formula
+from pareto_ltl_verify.arrays import BoolArray, FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, close, no_fault, same, true_of
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.geometry import Convex, convex, deepest, outline_distance, signed_area, within

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.readers.fields import UnreadError
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.errors import DataError
+from careful_io.errors import DataError
+from pareto_ltl_verify.arrays import FloatArray
 
 U, V, SPEED, FROM, TOWARDS = "u", "v", "speed", "direction from", "direction towards"
 KNOT = 1852.0 / 3600.0  # [m/s]

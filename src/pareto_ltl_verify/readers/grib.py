@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.archives import read_npz
-from pareto_ltl.support.arrays import FloatArray
+from careful_io.archives import read_npz
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.readers.fields import FROM, SPEED, TOWARDS, Component, U, UnreadError, V, axis_angle
 
 PARAMETERS = {  # of editions 2 (discipline, category, number) and 1 (table of the WMO), of winds

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.readers.clocks import Clock, clock_of
 from pareto_ltl_verify.readers.fields import FROM, SPEED, TOWARDS, Component, U, UnreadError, V, axis_angle
 from pareto_ltl_verify.readers.tables import UNITS
@@ -46,7 +46,7 @@ def netcdf_components(path: Path, level: tuple[str, float], span: tuple[float, f
     """The components at ``level`` (kind, value) at times within ``span`` [s since 1970]; UnreadError."""
     import xarray as xr
 
-    from pareto_ltl.support.netcdf4 import refuse_other_files
+    from careful_io.netcdf4 import refuse_other_files
 
     with path.open("rb") as stream:
         hdf5 = stream.read(4) == b"\x89HDF"

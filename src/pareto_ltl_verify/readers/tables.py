@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.readers.fields import FROM, KNOT, SPEED, TOWARDS, Field, UnreadError
 
 MOST_BYTES = 2**28  # of an unpacked table

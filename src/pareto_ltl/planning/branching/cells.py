@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from careful_io.texts import distance_text
 from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.support.display import distance_text
 
 Ends = tuple[float, float]
 EVERYWHERE: Ends = (-math.inf, math.inf)

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from careful_io.times import HOUR
 from pareto_ltl.planning.cost import cost
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.times import HOUR
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem

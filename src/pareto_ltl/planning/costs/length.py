@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from careful_io.texts import distance_text
 from pareto_ltl.planning.cost import cost
 from pareto_ltl.support.arrays import FloatArray, length_of
-from pareto_ltl.support.display import distance_text
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem

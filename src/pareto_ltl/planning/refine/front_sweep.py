@@ -36,6 +36,8 @@ from itertools import chain, count
 
 import numpy as np
 
+from careful_io.machine import on_all_cores
+from careful_io.texts import distance_text
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.problem import Problem, with_merged_steps
 from pareto_ltl.planning.records import Forest, PlannedPath
@@ -56,8 +58,6 @@ from pareto_ltl.planning.refine.starts import (
 from pareto_ltl.planning.refine.sweep import SCOUT_STEPS, Draw, Progress, Sweep, front_of, new_sweep
 from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.budget import UNLIMITED, Budget
-from pareto_ltl.support.display import distance_text
-from pareto_ltl.support.machine import on_all_cores
 from pareto_ltl.world.time_step import SHARE_OF_PLACE, narrowest_place
 
 LONG = 1e5  # [m] lengths above have no decimals in messages

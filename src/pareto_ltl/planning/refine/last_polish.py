@@ -11,6 +11,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
+from careful_io.machine import on_all_cores
 from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
@@ -21,7 +22,6 @@ from pareto_ltl.planning.refine.sweep import Sweep, front_of, smoothed, spread_p
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.machine import on_all_cores
 
 LOG = logging.getLogger(__name__)
 

@@ -12,12 +12,12 @@ from itertools import chain
 
 import numpy as np
 
+from careful_io.machine import on_all_cores
 from pareto_ltl.planning.refine.effort import Effort
 from pareto_ltl.planning.refine.sampled import Candidate, fewest_steps, steps_needed
 from pareto_ltl.planning.refine.starts import Start, StartKind, led_starts, returning_starts, unlike_starts
 from pareto_ltl.planning.refine.sweep import Sweep, front_of, smoothed
 from pareto_ltl.support.arrays import FloatArray, IntArray, length_of
-from pareto_ltl.support.machine import on_all_cores
 
 # --- first looks ------------------------------------------------------------------------------------
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from careful_io.texts import distance_text, probability_text, round_up
 from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import propagate
@@ -23,7 +24,6 @@ from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.routes.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.support.display import distance_text, probability_text, round_up
 from plane_kernels import types as kd
 
 LOG = logging.getLogger(__name__)

@@ -10,6 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from careful_io.machine import made_once, on_all_cores
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
@@ -27,7 +28,6 @@ from pareto_ltl.planning.refine.starts import Start, flipped_starts, retimed_mea
 from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
-from pareto_ltl.support.machine import made_once, on_all_cores
 
 Item = TypeVar("Item")
 Progress = Callable[..., None]

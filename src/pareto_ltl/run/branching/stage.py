@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import SeedSequence
 
+from careful_io.texts import rate_text
 from pareto_ltl.planning.branching.records import BranchFix, TreeRow
 from pareto_ltl.planning.costs.duration import hours_text
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
@@ -44,7 +45,6 @@ from pareto_ltl.simulation.promise import fresh_promise
 from pareto_ltl.simulation.tree_flights import fly_tree, whole_controls
 from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.counts import paired_difference
-from pareto_ltl.support.display import rate_text
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.seeds import named_child
 from pareto_ltl.world.cells import inside_depth

@@ -15,16 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from careful_io.texts import distance_text, interval_text, probability_text
 from pareto_ltl import Scene
 from pareto_ltl.extend import Deployment, FailureRate, Front, Plan, cost_named
-from pareto_ltl.support.display import (
-    branched_text,
-    distance_text,
-    headline_text,
-    interval_text,
-    probability_text,
-    winds_text,
-)
+from pareto_ltl.support.display import branched_text, headline_text, winds_text
 from pareto_ltl_apps.exports.exported import absent_sentence, height_sentence, vehicle_of
 from pareto_ltl_apps.view.components import MODULES, STYLE, bundled, component, page_environment
 from pareto_ltl_apps.view.in_words import mission_in_words

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.times import hours_text
 from pareto_ltl.extend import Automaton
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.times import hours_text
 from pareto_ltl_apps.view.automaton_picture import MAX_DRAWN, STATE_RADIUS, drawn_edges, state_positions
 
 SCALE = 62.0  # of the drawing, in pixels per unit of the picture

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from careful_io.files import plain_data
 from pareto_ltl import Scene
 from pareto_ltl.extend import (
     Deployment,
@@ -18,7 +19,6 @@ from pareto_ltl.extend import (
     simulate_flights,
 )
 from pareto_ltl.support.counts import clopper_pearson
-from pareto_ltl.support.files import plain_data
 from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl_apps.exports.navigation_log import SHARE, navigation_log
 from pareto_ltl_apps.view.page.ground import DEGREES, map_places, metre_digits, north_turn, rounded
