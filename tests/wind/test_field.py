@@ -16,9 +16,9 @@ from scipy.interpolate import RegularGridInterpolator
 
 from careful_io.archives import read_npz
 from careful_io.files import write_npz
-from careful_io.fingerprints import PACKAGE
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
+from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.wind import field, sources
 from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind.field import _warn_once
@@ -294,7 +294,8 @@ MACHINE_CODE = PACKAGE / "kernels" / "code_cache.py"  # executable in any form: 
 
 def test_no_module_of_the_package_reads_pickles():
     """What is unpickled is executed."""
-    sources = [*PACKAGE.rglob("*.py"), *(PACKAGE.parent / "hydra_plugins").rglob("*.py")]
+    folders = (PACKAGE, *(PACKAGE.parent / name for name in ("careful_io", "hydra_plugins")))
+    sources = [path for folder in folders for path in folder.rglob("*.py")]
     assert len(sources) > 100
     for path in sources:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
