@@ -27,6 +27,7 @@ from pareto_ltl_apps.flight.belief import Belief
 from pareto_ltl_apps.studies.forecast_test import known_of_files, mission_settings
 from pareto_ltl_apps.studies.known_winds import KnownWinds
 from pareto_ltl_apps.studies.random_missions import mission
+from pareto_ltl_apps.studies.settings import ForecastTestConfig
 
 SHARES, SD = (0.5, 0.9, 0.99), 500.0  # of the ellipses; error of the fix [m]
 MEMBERS = 2  # simulated flights of the belief, which the ellipses do not need
@@ -71,8 +72,8 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     options = parser.parse_args()
     base = Settings(planner=PlannerConfig(epsilon=None), selection=SelectionConfig(rule="length", length=1e7))
-    cfg = replace(base.forecast_test, truth=options.truth)
-    known = known_of_files(replace(base, forecast_test=cfg), cfg, Path("unused"))
+    cfg = replace(base[ForecastTestConfig], truth=options.truth)
+    known = known_of_files(base.with_sections(cfg), cfg, Path("unused"))
     rows = Parallel(n_jobs=options.jobs)(delayed(distances)(known, k) for k in range(options.missions))
     rng = np.random.default_rng(9)
     print(f"{'ellipse':>8} {'before the fix':>20} {'after it':>20}")

@@ -50,6 +50,7 @@ from pareto_ltl_apps.studies.replanning import (
     controls_by_fix,
     law_cycle,
 )
+from pareto_ltl_apps.studies.settings import ReplanningConfig
 
 FOLDER = Path(__file__).parents[1] / "outputs" / "branches_pay"
 FLIGHTS, LEAVES, FIX_SHARE = 4000, 4, 0.005  # error of a fix, of the side of the map
@@ -167,7 +168,7 @@ def measured(folder: Path, replans: int, most: float) -> dict[str, Any]:
         return row
     if (at := fixes_of(steps)) is None:
         return row
-    settings = replace(run.settings, replanning=replace(run.settings.replanning, fix_sd=sd))
+    settings = run.settings.with_sections(replace(run.settings[ReplanningConfig], fix_sd=sd))
     context = ReplanningContext(run.with_settings(settings), winds.flights, (), law_cycle)
     for name, rate in zip(
         SETS, replanned_rates(context, Way("", plan.path, fixes=tuple(at)), alone, replans), strict=True

@@ -40,6 +40,7 @@ from pareto_ltl_apps.exports.navigation_log import navigation_log
 from pareto_ltl_apps.flight.belief import LAW, Belief
 from pareto_ltl_apps.flight.replanning import replanned
 from pareto_ltl_apps.studies.aircraft import Orders, fly_orders
+from pareto_ltl_apps.studies.settings import SitlConfig
 from pareto_ltl_apps.studies.sitl import flight_air
 
 MEMBERS = 1000
@@ -96,7 +97,7 @@ def flown_by_jsbsim(run: Run, winds: DrawnFlights, k: int, parts: Parts) -> Floa
     air = flight_air(problem, winds.draws, k, len(heading))
     height = flight_height(settings).above_sea_level(settings.scene.ground)
     orders = Orders(heading, airspeed, duration, np.array([lat[0], lon[0]]))
-    track = fly_orders(orders, air, height, settings.sitl.rate)
+    track = fly_orders(orders, air, height, settings[SitlConfig].rate)
     return Frame(crs).to_plane(track.lon, track.lat)
 
 

@@ -83,11 +83,8 @@ class Missions:
 
 def flown_map(missions: Missions, name: str) -> Drawing:
     """The plan of a mission on its map, with trees, wind and flights."""
-    from pareto_ltl_apps.view.figures import mission_drawing
-
     made = missions[name]
-    flights = {"coherent": pareto_ltl.simulate(made, FLIGHTS)}
-    return mission_drawing(made.scene, made.cells, made.wind, made.forest, made.plan, flights)
+    return made.plot(deployments={"coherent": pareto_ltl.simulate(made, FLIGHTS)})
 
 
 def strip_of_flights(missions: Missions) -> Drawing:
