@@ -216,8 +216,7 @@ def error_fault(result: Evidence, row: Mapping[str, Any]) -> str:
     With s = σ(-m/τ) and margins m of constant density ρ near 0, the price is ρ, and its variance
     Σ (s (1 - s) / (n τ))² = ρ / (6 n τ). If the error is then larger than the price, few flights come near
     the limit, and the price must not be certain enough to be shown. Where the density grows away from the
-    limit, k flights within ``NEAR`` τ have a small s each, and the error is at least the price / √k; without
-    such flights all that count lie far away and alike, and the error has no lower bound. Where a
+    limit, k flights within ``NEAR`` τ have a small s each, and the error is at least the price / √k. Where a
     segment is close to epsilon, multipliers take up what the counts of a block leave of the balance of
     forces: their sum varies less than the counts, or more.
     """
@@ -231,7 +230,7 @@ def error_fault(result: Evidence, row: Mapping[str, Any]) -> str:
         return ""
     if row["error"] < least:
         (now, moved), runs = COUNTS[row["kind"]](result, row, (0.0, NEAR * width))
-        if now == moved or row["error"] >= 0.5 * price / np.sqrt(max(PRICED / runs * abs(moved - now), 1.0)):
+        if row["error"] >= 0.5 * price / np.sqrt(max(PRICED / runs * abs(moved - now), 1.0)):
             return ""
     return f"error {row['error']:.3g} a metre, expected about {expected:.3g}"
 
