@@ -86,7 +86,8 @@ def front_paths(problem: Problem, file: Path) -> tuple[list[PlannedPath], float]
     """The paths of a front, and the CPU seconds that it took."""
     with np.load(file) as data:
         number = len(data.files) - 1
-        return [evaluate_path(problem, data[f"x{k}"], "") for k in range(number)], float(data["seconds"])
+        paths = [evaluate_path(problem, data[f"x{k}"], "", tight=False) for k in range(number)]
+        return paths, float(data["seconds"])
 
 
 def log_volume(rows: FloatArray, corner: FloatArray) -> float:

@@ -294,9 +294,7 @@ class LevelsConfig(CheckedSettings, section="levels"):
 
     def check_combinations(self) -> None:
         """Refuse what is no level or no time, and a level that is listed twice."""
-        for level in self.levels:
-            parse_level(str(level), "levels.levels")
-        texts = [parse_level(str(level)).text for level in self.levels]
+        texts = [parse_level(str(level), "levels.levels").text for level in self.levels]
         if len(set(texts)) < len(texts):
             raise ConfigError(f"levels.levels lists a level twice: {', '.join(texts)}")
         for time in self.starts:
