@@ -31,13 +31,14 @@ from pareto_ltl.settings import (
 )
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.simulation.judging import judge_front
-from pareto_ltl.wind import gp as regression
-from pareto_ltl.wind import modes, sources
+from pareto_ltl.wind import sources
 from pareto_ltl.wind.field import fit_wind_field as field
-from pareto_ltl.wind.field import modes_lattice
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.world import cells as workspace
 from pareto_ltl.world.scene_settings import scene_from_settings
+from wind_laws import gp as regression
+from wind_laws import modes
+from wind_laws.lattice import mode_lattice
 
 CONF = Path(__file__).parents[1] / "conf"
 
@@ -78,7 +79,7 @@ def test_modes_of_all_slots(benchmark):
         SceneConfig(**section("scene", "phi1")), sources.read_readings(cfg).first_time
     )
     posterior = regression.fit_posterior(cfg, place_readings(cfg, sources.read_readings(cfg), scene))
-    origin, spacing, shape = modes_lattice(cfg, scene)
+    origin, spacing, shape = mode_lattice(scene.bounds, cfg.modes_spacing)
     nodes = origin + spacing * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(
         -1, 2
     )

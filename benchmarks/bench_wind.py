@@ -17,11 +17,12 @@ import pytest
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.wind import field, sources
-from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
+from wind_laws import gp as regression
+from wind_laws.lattice import wind_lattice
 
 NOAA = Path(__file__).parents[2] / "shared" / "data" / "noaa"
 SCENE = Scene(
@@ -123,7 +124,7 @@ def test_fit_28_processes_of_120_readings(benchmark, seen):
 
 def test_evaluate_the_lattice(benchmark, seen):
     posterior = regression.fit_posterior(WindConfig(), seen)
-    origin, spacing, shape = field.wind_lattice(WindConfig(), SCENE)
+    origin, spacing, shape = wind_lattice(SCENE.bounds, WindConfig().spacing, WindConfig().padding)
     nodes = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)
     benchmark.extra_info["budget"] = 2.0
     benchmark.pedantic(posterior.at, (origin + spacing * nodes,), rounds=3)

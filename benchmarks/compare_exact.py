@@ -25,8 +25,8 @@ from pareto_ltl.run.results import planned_run
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
-from pareto_ltl.wind import gp, modes
 from pareto_ltl.wind.records import WindField
+from wind_laws import gp, modes
 
 BLOCK = 2000  # flights at once
 MARGIN = 5.0  # standard deviations of the position beside the path that nodes reach

@@ -22,13 +22,13 @@ import yaml
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.sphere import on_sphere
-from pareto_ltl.wind import gp
 from pareto_ltl.wind.observations import project_readings
-from pareto_ltl.wind.readings import farthest_points
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.world import projection
 from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
 from pareto_ltl_apps.formats.snapshots import latest_readings
+from wind_laws import gp
+from wind_laws.places import farthest_points
 
 AREA = Path(__file__).parents[1] / "conf" / "ingest" / "conus.yaml"
 KERNELS = ("matern32", "matern12", "rbf")

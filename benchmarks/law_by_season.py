@@ -18,12 +18,12 @@ import numpy as np
 
 from packaged_laws import SOURCES
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.law_of_parts import LawOfParts
 from pareto_ltl.wind.named_laws import law_of_parts_named
 from pareto_ltl_apps.wind_errors.law_check import CheckRow, check_rows
 from pareto_ltl_apps.wind_errors.point_forecasts import Verified, verified
 from pareto_ltl_apps.wind_errors.point_tables import read_point_table
 from pareto_ltl_apps.wind_errors.scale_mixture import log_density
+from wind_laws.law_of_parts import LawOfParts
 
 SEASONS = ("Dec to Feb", "Mar to May", "Jun to Aug", "Sep to Nov")
 DRAWS, SEED = 2000, 0

@@ -34,12 +34,12 @@ from careful_io.times import HOUR
 from packaged_laws import rounded
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.wind.change_law import ChangeLaw
-from pareto_ltl.wind.law_of_parts import LawOfParts
 from pareto_ltl.wind.named_laws import PARTS_FOLDER, law_named, law_of_parts_named
 from pareto_ltl.wind.sources import read_readings
-from pareto_ltl.wind.variability import variability_of
 from pareto_ltl_apps.wind_errors.scale_mixture import quantiles
+from wind_laws.change_law import ChangeLaw
+from wind_laws.law_of_parts import LawOfParts
+from wind_laws.variability import variability_of
 
 LAWS = ("gfs", "icon_eu", "ecmwf_class", "hourly_fine")  # all laws of winds
 NODES = np.array([6.0, 12, 18, 24, 36, 50])  # [h]

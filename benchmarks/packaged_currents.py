@@ -31,9 +31,9 @@ from careful_io.files import write_json
 from careful_io.times import HOUR
 from packaged_laws import rounded
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.error_law import LOCAL, SLOW, LawPart, TailScale
-from pareto_ltl.wind.law_of_parts import OWN, LawOfParts
 from pareto_ltl.wind.named_laws import PARTS_FOLDER
+from wind_laws.error_law import LOCAL, SLOW, LawPart, TailScale
+from wind_laws.law_of_parts import OWN, LawOfParts
 
 LINES = (12.4206, 23.9345)  # periods of M2 and K1 [h]
 FITTED = 43  # hours to which the lines are fitted, almost two days

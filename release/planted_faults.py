@@ -89,7 +89,7 @@ FAULTS = (
     ),
     Fault(
         "waist", "an application takes one more name from inside", f"{APPS}/cli/summary.py", "",
-        "\nfrom pareto_ltl.wind.modes import leading_modes as leading_modes\n",
+        "\nfrom pareto_ltl.wind.field import task_key as task_key\n",
         (PYTHON, "release/waist.py"), "names|modules",
     ),
     Fault(

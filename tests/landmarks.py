@@ -10,9 +10,9 @@ import numpy as np
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.settings.fidelity import preset
-from pareto_ltl.wind.forecast_error import ForecastError
 from pareto_ltl.world.scene import Scene
 from problems import KM, box, make_problem, make_scene, smooth_wind
+from wind_laws.forecast_error import ForecastError
 
 LANDMARK_SCENE = replace(
     make_scene({"a": box(13, 13, 19, 19)}, start=(2.0, 2.0)), landmarks=(box(4, 4, 12.5, 12.5),)

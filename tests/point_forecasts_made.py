@@ -10,9 +10,9 @@ import pytest
 
 from careful_io.times import HOUR
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.error_law import GROWING, LASTING, SLOW, LawPart, TailScale
-from pareto_ltl.wind.law_of_parts import OBSERVED, LawOfParts
 from pareto_ltl_apps.wind_errors.point_forecasts import PointForecasts
+from wind_laws.error_law import GROWING, LASTING, SLOW, LawPart, TailScale
+from wind_laws.law_of_parts import OBSERVED, LawOfParts
 
 ROOT = Path(__file__).parents[1]
 WINDS = ROOT.parent / "shared" / "data" / "winds"

@@ -27,12 +27,13 @@ from pareto_ltl.settings import (
     preset,
 )
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.wind.forecast_error import ForecastError
-from pareto_ltl.wind.records import FORECAST, SPACE, TIME, WindField, WindModes
+from pareto_ltl.wind.records import WindField
 from pareto_ltl.world import cells as workspace
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_settings import scene_from_settings as read_scene
 from plane_kernels.types import Faces
+from wind_laws.forecast_error import ForecastError
+from wind_laws.records import FORECAST, SPACE, TIME, WindModes
 
 KM = 1000.0
 SCENES = FilePath(__file__).parents[1] / "conf" / "scene"

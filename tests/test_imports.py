@@ -66,6 +66,7 @@ def circles(package: Path) -> list[list[str]]:
         "ltlf",
         "plane_kernels",
         "typed_kernels",
+        "wind_laws",
         "hydra_plugins",
     ],
 )

@@ -21,12 +21,12 @@ from pareto_ltl.settings import (
     WindConfig,
     preset,
 )
-from pareto_ltl.wind.field import wind_lattice
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.wind.sources import read_readings
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl_apps.studies.random_missions import at_times
+from wind_laws.lattice import wind_lattice
 
 FOLDER = Path(__file__).parent
 SPACING = 20_000.0  # of the lattice of the true winds [m]
@@ -96,7 +96,7 @@ def true_wind(mission: Mission, scene: Scene, folder: Path = FOLDER) -> WindFiel
     readings = read_readings(WindConfig(source="csv", path=str(folder / mission.truth)))
     times = readings.times - seconds(mission.departure)
     times = times[: np.searchsorted(times, mission.hours * HOUR) + 1]
-    lattice = wind_lattice(WindConfig(spacing=SPACING, padding=PADDING), scene)
+    lattice = wind_lattice(scene.bounds, SPACING, PADDING)
     origin, spacing, shape = lattice
     nodes = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)
     mean = at_times(readings, scene, times, origin + spacing * nodes).reshape(len(times), *shape, 2)

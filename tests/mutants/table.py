@@ -6,7 +6,7 @@ from pathlib import Path
 
 SOURCE = Path(__file__).parents[2] / "src"
 # What plans depend on.
-PACKAGES = ("careful_io", "ltlf", "plane_kernels", "pareto_ltl", "pareto_ltl_apps/formats")
+PACKAGES = ("careful_io", "ltlf", "plane_kernels", "wind_laws", "pareto_ltl", "pareto_ltl_apps/formats")
 MEASURED = ("pareto_ltl.run.compile_costs",)  # seconds that were measured, for the share that is done
 UNCOMPILED = ("pareto_ltl.kernels", "plane_kernels")  # judged by tests that run without compilation
 FOLDERS = (  # of tests, and modules beside them, which run compiled kernels
@@ -73,7 +73,7 @@ EQUIVALENT: dict[tuple[str, str, str, str], str] = {
         "(_may_start())",
     ): "whether a second process compiles too: time, not results",
     (
-        "pareto_ltl.wind.gp",
+        "wind_laws.gp",
         "coverage = np.mean(np.abs(scores) <= NORMAL_QUANTILE_95)",
         "np.abs(scores) <= NORMAL_QUANTILE_95",
         "(np.abs(scores) < NORMAL_QUANTILE_95)",

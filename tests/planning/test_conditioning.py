@@ -17,11 +17,11 @@ from pareto_ltl.kernels.data import EXACT
 from pareto_ltl.planning.conditioning import Fix, Joint, Learnt, learn
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.wind.conditioned import conditioned_field, field_from, less_doubt
-from pareto_ltl.wind.lattice import lattice_values
-from pareto_ltl.wind.records import HELD, TIME
 from pareto_ltl_apps.flight.position_fixes import likely_histories
 from problems import QUICK_ERROR, make_problem, smooth_wind
+from wind_laws.conditioned import conditioned_field, field_from, less_doubt
+from wind_laws.lattice import lattice_values
+from wind_laws.records import HELD, TIME
 
 RUNS, STEP = 40_000, 15
 ROBOT = RobotConfig(dt=100.0, u_max=20.0, start_sd=50.0)

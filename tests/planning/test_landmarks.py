@@ -15,11 +15,11 @@ from pareto_ltl.kernels.fixes import UNFADED
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.settings import RobotConfig, SceneConfig
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.wind.records import ENSEMBLE, HELD, PARTS, TIME
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl_apps.studies.settings import ReplanningConfig
 from problems import QUICK_ERROR, box
+from wind_laws.records import ENSEMBLE, HELD, PARTS, TIME
 
 
 def test_a_landmark_collapses_what_is_unknown_and_lowers_the_risk():

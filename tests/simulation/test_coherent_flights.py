@@ -14,8 +14,8 @@ from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.simulation.flights import draw_coherent, draw_innovations, fly_draws, kept_by_epoch
-from pareto_ltl.wind.records import FORECAST, SPACE, TIME
 from problems import KM, QUICK_ERROR, box, make_scene
+from wind_laws.records import FORECAST, SPACE, TIME
 
 
 @pytest.mark.statistical

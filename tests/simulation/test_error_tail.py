@@ -21,11 +21,12 @@ from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
 from pareto_ltl.simulation.flights import draw_coherent
 from pareto_ltl.simulation.importance import weighted_rate
 from pareto_ltl.support.counts import clopper_pearson
-from pareto_ltl.wind.error_law import TailScale
 from pareto_ltl.wind.named_laws import law_of_parts_named
-from pareto_ltl.wind.records import FORECAST, FORECAST_PARTS, TIME, WindField
+from pareto_ltl.wind.records import WindField
 from point_forecasts_made import made_law
 from problems import QUICK_ERROR, along, box, make_problem, make_scene, smooth_wind
+from wind_laws.error_law import TailScale
+from wind_laws.records import FORECAST, FORECAST_PARTS, TIME
 
 TAIL = ErrorTail(
     0.3, np.array([0.4, 0.5, 0.2]), np.array([0.0, 0.6, 0.9]), np.array([True, False, False]), 0.35,

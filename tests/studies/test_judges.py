@@ -14,8 +14,6 @@ from forecast_winds import settings
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.area import GeoBox
-from pareto_ltl.wind.error_law import LASTING
-from pareto_ltl.wind.law_of_parts import LawOfParts
 from pareto_ltl.wind.named_laws import read_law
 from pareto_ltl_apps.studies import forecast_test as study
 from pareto_ltl_apps.studies import strata
@@ -23,6 +21,8 @@ from pareto_ltl_apps.studies.point_winds import LAW_FILE, PointWinds
 from pareto_ltl_apps.studies.random_missions import situation_of
 from pareto_ltl_apps.studies.settings import ForecastTestConfig
 from pareto_ltl_apps.wind_errors.full_winds import full_winds
+from wind_laws.error_law import LASTING
+from wind_laws.law_of_parts import LawOfParts
 
 START_HOUR = 420_000.0  # [h since 1970]
 PLACES = np.array([[57.0, 12.0], [58.5, 14.0], [59.0, 17.5], [60.5, 15.5], [57.2, 16.5], [56.0, 14.2]])

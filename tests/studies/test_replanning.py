@@ -13,11 +13,11 @@ from numpy.random import SeedSequence
 from coherent import LOOSE, SCENE
 from pareto_ltl.extend import draw_flights
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.wind.records import FORECAST
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.studies.replanning import newer_forecast
 from problems import QUICK_ERROR, make_problem, smooth_wind
 from quick_wind import wind_words
+from wind_laws.records import FORECAST
 
 SMALL = (
     "+experiment=phi2", "planner.trees=3", "planner.n_max=1000", "selection.draws=300", "selection.runs=500",

@@ -22,7 +22,8 @@ import numpy as np
 from pareto_ltl.settings import SceneConfig, WindConfig
 from pareto_ltl.world.scene_settings import scene_from_settings as read_scene
 from pareto_ltl.wind.records import WindObservations
-from pareto_ltl.wind import field, gp as regression
+from pareto_ltl.wind import field
+from wind_laws import gp as regression
 
 whole = regression.fit_posterior
 def noted(cfg, seen, bounds):

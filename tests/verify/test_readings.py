@@ -15,7 +15,7 @@ from pareto_ltl.settings import Settings, WindConfig
 from pareto_ltl.settings.wind import wind_sources
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.observations import place_readings
-from pareto_ltl.wind.records import WindEvidence, WindField
+from pareto_ltl.wind.records import WindField
 from pareto_ltl.wind.sources import data_files, read_readings, source_of_path
 from pareto_ltl.world.projection import local_plane
 from pareto_ltl.world.scene import Scene
@@ -27,6 +27,7 @@ from pareto_ltl_verify.sources import SOURCES
 from pareto_ltl_verify.wind_fit import Fit
 from pareto_ltl_verify.wind_tables import WindFile
 from wind_files import GRIB, NETCDF, REPORTS, TABLES, ensemble
+from wind_laws.records import WindEvidence
 
 KINDS = TABLES | {"metars": REPORTS["metars"]} | NETCDF | GRIB
 SIDE = 4e5  # [m] of the map

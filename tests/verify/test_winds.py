@@ -13,19 +13,20 @@ from hypothesis import strategies as st
 from pareto_ltl.planning import pack
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind import gp
-from pareto_ltl.wind.error_law import PART_NAMES, ErrorLaw, LawPart
-from pareto_ltl.wind.field import time_variances
-from pareto_ltl.wind.forecast_error import ForecastError
-from pareto_ltl.wind.law_of_parts import LawOfParts
-from pareto_ltl.wind.modes import error_persistence
 from pareto_ltl.wind.named_laws import first_law, law_of_parts_named
 from pareto_ltl.wind.netcdf import write_netcdf
-from pareto_ltl.wind.records import FORECAST_PARTS, SPACE, TIME, WindField, WindModes, WindObservations
+from pareto_ltl.wind.records import WindField, WindObservations
 from pareto_ltl_verify import wind_fit, wind_law
 from pareto_ltl_verify.claims import wind_modes
 from pareto_ltl_verify.wind_law import HOUR, error_law
 from pareto_ltl_verify.wind_tables import clock, read_wind_file
+from wind_laws import gp
+from wind_laws.error_law import PART_NAMES, ErrorLaw, LawPart
+from wind_laws.forecast_error import ForecastError
+from wind_laws.law_of_parts import LawOfParts
+from wind_laws.modes import error_persistence
+from wind_laws.records import FORECAST_PARTS, SPACE, TIME, WindModes
+from wind_laws.tables import time_variances
 
 DT = 1800.0
 PARTS_OF_MODES = np.array([SPACE, FORECAST_PARTS["lasting"], TIME, -1])

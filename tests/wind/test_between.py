@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from pareto_ltl.wind.between import with_interpolation_errors
 from pareto_ltl.wind.named_laws import law_of_parts_named
-from pareto_ltl.wind.records import FORECAST_PARTS, SPACE, TIME, WindField
+from pareto_ltl.wind.records import WindField
 from problems import QUICK_ERROR, box, make_scene, smooth_wind
+from wind_laws.between import with_interpolation_errors
+from wind_laws.records import FORECAST_PARTS, SPACE, TIME
 
 SCENE = make_scene({"a": box(13, 13, 19, 19)}, [])
 HOUR = 3600.0

@@ -16,12 +16,12 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind import field, sources
 from pareto_ltl.wind.observations import place_readings
-from pareto_ltl.wind.records import ENSEMBLE
 from pareto_ltl.wind.snapshots import Snapshot
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from pareto_ltl_apps.formats.snapshots import ensemble_readings
 from wind_files import REGULAR, U10, V10, grib_message
+from wind_laws.records import ENSEMBLE
 
 START = 1539043200.0  # 2018-10-09T00:00:00Z
 LON, LAT = (a.ravel() for a in np.meshgrid(np.arange(-100.0, -83.0), np.arange(30.0, 45.0)))

@@ -20,13 +20,16 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.wind import field, sources
-from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind.field import _warn_once
 from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.records import WindField, WindObservations
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
+from wind_laws import gp as regression
+from wind_laws import tables
+from wind_laws.lattice import wind_lattice
+from wind_laws.records import readings_until
 
 CONUS = Scene(
     np.array([[-5e5, -5e5], [5e5, 5e5]]),
@@ -77,7 +80,7 @@ def corners(wind):
 def test_the_lattice_covers_the_scene_and_resolves_it(width, height):
     scene = Scene(np.array([[10.0, 20.0], [10.0 + width, 20.0 + height]]), np.zeros(2), {})
     cfg = WindConfig()
-    origin, spacing, shape = field.wind_lattice(cfg, scene)
+    origin, spacing, shape = wind_lattice(scene.bounds, cfg.spacing, cfg.padding)
     end = origin + spacing * (np.array(shape) - 1)
     padding = min(cfg.padding, max(width, height))
     assert (origin <= scene.bounds[0] - padding * (1 - 1e-9)).all()
@@ -88,7 +91,7 @@ def test_the_lattice_covers_the_scene_and_resolves_it(width, height):
 
 
 def test_the_packaged_missions_get_25_km():
-    origin, spacing, shape = field.wind_lattice(WindConfig(), CONUS)
+    origin, spacing, shape = wind_lattice(CONUS.bounds, WindConfig().spacing, WindConfig().padding)
     np.testing.assert_array_equal(origin, [-650e3, -650e3])
     assert (spacing, shape) == (25e3, (53, 53))
 
@@ -131,9 +134,9 @@ def test_calm_air_is_zero_for_ever():
 )
 def test_times_past_the_horizon_are_left_out(sample, horizon, slots):
     four = WindObservations(sample.times[:4], sample.points[:4], sample.winds[:4], "")
-    assert len(field.observations_until(four, horizon).times) == slots
+    assert len(readings_until(four, horizon).times) == slots
     if slots > 1 and horizon:
-        kept = field.observations_until(four, horizon).times
+        kept = readings_until(four, horizon).times
         assert kept[-1] >= min(horizon, four.times[-1])
         assert kept[-2] < horizon
 
@@ -294,7 +297,7 @@ MACHINE_CODE = PACKAGE / "kernels" / "code_cache.py"  # executable in any form: 
 
 def test_no_module_of_the_package_reads_pickles():
     """What is unpickled is executed."""
-    folders = (PACKAGE, *(PACKAGE.parent / name for name in ("careful_io", "hydra_plugins")))
+    folders = (PACKAGE, *(PACKAGE.parent / name for name in ("careful_io", "wind_laws", "hydra_plugins")))
     sources = [path for folder in folders for path in folder.rglob("*.py")]
     assert len(sources) > 100
     for path in sources:
@@ -345,7 +348,7 @@ def test_a_cache_that_fills_up_while_writing_costs_time_only(few, fits, caplog, 
     def full(*args, **kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(field, "write_npz", full)
+    monkeypatch.setattr(tables, "write_npz", full)
     with caplog.at_level(logging.WARNING):
         wind = field.fit_wind_field(WindConfig(), few, CONUS)
     assert wind.score

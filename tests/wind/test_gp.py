@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
+from wind_laws import gp as regression
 
 SIDE = 2e6  # [m]
 

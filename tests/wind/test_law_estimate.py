@@ -9,7 +9,6 @@ import pytest
 
 from careful_io.times import HOUR
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.error_law import LASTING
 from pareto_ltl.wind.named_laws import law_of_parts_named
 from pareto_ltl_apps.wind_errors.error_moments import error_moments
 from pareto_ltl_apps.wind_errors.law_check import LEVELS, check_document, check_law, displacement_sd
@@ -25,6 +24,7 @@ from point_forecasts_made import (
     needs_winds,
     without_observations,
 )
+from wind_laws.error_law import LASTING
 
 SOURCES = {
     "icon_eu": "icon_eu_22_points.npz",

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.change_law import ChangeLaw
 from pareto_ltl.wind.observations import FAR_SHARE, thinned
 from pareto_ltl_apps.formats.hoa_files import parse_hoa
+from wind_laws.change_law import ChangeLaw
 
 GOOD: dict[str, Any] = {
     "spread": 3.0, "power": 0.0, "latitude": 40.0, "slope": 0.01, "freedom": 2.0, "most_freedom": 50.0,

@@ -12,20 +12,14 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.wind import gp as regression
-from pareto_ltl.wind import modes
-from pareto_ltl.wind.gp import CORRELATIONS, Hyper, WindPosterior, leave_one_out, pairwise_distances
 from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
-from pareto_ltl.wind.records import (
-    ENSEMBLE,
-    FORECAST,
-    FORECAST_PARTS,
-    SPACE,
-    TIME,
-    WindModes,
-    WindObservations,
-)
+from pareto_ltl.wind.records import WindObservations
 from problems import QUICK_ERROR, box, make_scene, smooth_wind
+from wind_laws import gp as regression
+from wind_laws import modes
+from wind_laws.gp import CORRELATIONS, Hyper, WindPosterior, leave_one_out
+from wind_laws.places import pairwise_distances
+from wind_laws.records import ENSEMBLE, FORECAST, FORECAST_PARTS, SPACE, TIME, WindModes
 
 LOCAL = FORECAST_PARTS["local"]
 KM = 1000.0
@@ -200,8 +194,8 @@ def test_without_stations_in_common_the_field_counts_as_frozen(caplog):
         one, times=np.array([0.0, 3600.0]), points=one.points + other.points, winds=one.winds + other.winds,
         means=np.repeat(one.means, 2, axis=0),
     )  # fmt: skip
-    assert modes.error_persistence(moving) == 1.0
-    assert "wind.rho" in caplog.text
+    assert modes.error_persistence(moving, " (set wind.rho to change that)") == 1.0
+    assert "for ever (set wind.rho to change that)" in caplog.text
 
 
 def test_one_time_needs_no_persistence(caplog):

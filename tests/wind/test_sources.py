@@ -22,7 +22,6 @@ from pareto_ltl.support.resources import SAMPLE_WINDS
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.observations import place_readings
-from pareto_ltl.wind.readings import farthest_points
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from pareto_ltl_apps.formats import tables
@@ -30,6 +29,7 @@ from pareto_ltl_apps.formats.grib_files import grib_snapshots, grib_snapshots_ap
 from pareto_ltl_apps.formats.settings import IngestConfig
 from pareto_ltl_apps.formats.snapshots import latest_readings
 from pareto_ltl_apps.formats.wind_table import write_wind_table
+from wind_laws.places import farthest_points
 
 HOURS = ("2018-10-09T00:00:00Z", "2018-10-09T03:00:00Z", "2018-10-09T06:00:00Z")
 

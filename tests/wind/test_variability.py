@@ -11,13 +11,14 @@ import pytest
 from careful_io.times import HOUR
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.change_law import ChangeLaw
-from pareto_ltl.wind.named_laws import law_named, law_of
+from pareto_ltl.wind.named_laws import law_named
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import Readings
-from pareto_ltl.wind.variability import spread_near, variability_of
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
+from wind_laws.change_law import ChangeLaw
+from wind_laws.documents import law_of
+from wind_laws.variability import spread_near, variability_of
 
 GFS = law_named("gfs_one_part")  # its change depends on changes between analyses alone
 HELD = law_named("gfs")

@@ -17,9 +17,10 @@ from pareto_ltl.wind.field import fit_wind_field
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import Readings
-from pareto_ltl.wind.records import PARTS, WindField
+from pareto_ltl.wind.records import WindField
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
+from wind_laws.records import PARTS
 
 CENTRE = (37.0, -92.0)
 SCENE = Scene(

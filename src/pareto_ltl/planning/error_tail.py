@@ -6,11 +6,11 @@ multiplied by
     c_k = exp(s_f g + s_k h_k - s_f² - s_k²),      E c_k² = 1,
 
 where g ~ N(0, 1) lasts for the flight, and h_k ~ N(0, 1) has the correlation exp(-Δt / τ) from one epoch to
-the next (:class:`~pareto_ltl.wind.error_law.TailScale`). Covariances, and with them all bounds, are the same
+the next (:class:`~wind_laws.error_law.TailScale`). Covariances, and with them all bounds, are the same
 as without c. The white part, which flights average along their way, is not multiplied.
 
 The coefficients of changes of the wind in time (held fields, interpolation between fields) are multiplied by
-exp(s g' - s²), with g' ~ N(0, 1) for the flight and s of :class:`~pareto_ltl.wind.change_law.ChangeLaw`.
+exp(s g' - s²), with g' ~ N(0, 1) for the flight and s of :class:`~wind_laws.change_law.ChangeLaw`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from numpy.random import Generator
 
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
-from pareto_ltl.wind.records import FORECAST_PARTS, HELD, TIME, WindField
+from pareto_ltl.wind.records import WindField
+from wind_laws.records import FORECAST_PARTS, HELD, TIME
 
 TILTS = np.array([0.0, 1.0, 2.0, 3.0])  # shifts of a quarter of the weighted draws each, see weighted_scales
 

@@ -24,11 +24,12 @@ from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, Wind
 from pareto_ltl.settings.fidelity import PAPER
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.wind.records import HELD, PARTS, SPACE, TIME, WindField, WindModes, forecast_parts
+from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import BUCKETS, Decomposition, bucket_cells, half_planes
 from pareto_ltl.world.scene import FixShape, Scene
 from pareto_ltl.world.time_step import with_time_step
 from plane_kernels.types import Cells, Faces, Nearby
+from wind_laws.records import HELD, PARTS, SPACE, TIME, WindModes, forecast_parts
 
 LOG = logging.getLogger(__name__)
 

@@ -349,7 +349,7 @@ def logging_to(path: Path) -> Iterator[None]:
     """Write messages of the packages, of the compiler and warnings of Python to the file ``path``."""
     handler = RunLogFile(path, encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-    heard = (LOG, *map(logging.getLogger, ("careful_io", "typed_kernels", "py.warnings")))
+    heard = (LOG, *map(logging.getLogger, ("careful_io", "typed_kernels", "wind_laws", "py.warnings")))
     before = [(logger, logger.level, logger.propagate) for logger in heard]
     for logger in heard:
         logger.addHandler(handler)

@@ -10,10 +10,11 @@ from careful_io.texts import probability_text
 from careful_io.times import HOUR, iso, seconds
 from pareto_ltl.support.levels import level_mismatch
 from pareto_ltl.support.medium import medium_of
-from pareto_ltl.wind.change_law import reasons_text
-from pareto_ltl.wind.error_law import ErrorLaw
 from pareto_ltl.wind.named_laws import law_named
-from pareto_ltl.wind.records import ENSEMBLE, WindField
+from pareto_ltl.wind.records import WindField
+from wind_laws.change_law import reasons_text
+from wind_laws.error_law import ErrorLaw
+from wind_laws.records import ENSEMBLE
 
 
 class OwnErrors(NamedTuple):

@@ -1,6 +1,6 @@
 """How far the errors of a wind displace a flight, from the readings and the settings alone.
 
-It is a rough size, for the extent of a map; what is promised comes from the fitted field (``wind/modes.py``).
+It is a rough size, for the extent of a map; what is promised comes from the modes of the fitted field.
 """
 
 from __future__ import annotations

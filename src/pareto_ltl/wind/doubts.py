@@ -9,8 +9,8 @@ import numpy as np
 from careful_io.times import HOUR, iso
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.error_law import ErrorLaw
 from pareto_ltl.wind.readings import Readings
+from wind_laws.error_law import ErrorLaw
 
 USUAL_DELAY = 4 * HOUR  # from the start of a forecast to its publication: GFS 3.5 to 5 h, ECMWF 6 h, HRRR 1 h
 EDGE_SHARE = 0.02  # of the longer side of the map, that readings may end inside of it without a warning

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from careful_io.reading import Advice
 from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.support.schemas import read_document
-from pareto_ltl.wind.error_law import ErrorLaw
-from pareto_ltl.wind.forecast_error import FORECAST_ERROR_SCHEMA, ForecastError, forecast_error_of
-from pareto_ltl.wind.law_of_parts import LAW_OF_PARTS_SCHEMA, OWN, LawOfParts, law_of_parts_of
+from wind_laws.documents import law_of
+from wind_laws.error_law import ErrorLaw
+from wind_laws.forecast_error import FORECAST_ERROR_SCHEMA, ForecastError
+from wind_laws.law_of_parts import LAW_OF_PARTS_SCHEMA, OWN, LawOfParts
 
 LAWS_FOLDER = PACKAGE / "support" / "data" / "forecast_errors"
 PARTS_FOLDER = LAWS_FOLDER / "parts"
@@ -91,10 +90,3 @@ def read_law(path: Path) -> ErrorLaw:
     except ValueError as error:
         raise DataError(f"{path}: {error}; {LAW_FILE.damaged}") from None
     return law
-
-
-def law_of(document: Mapping[str, Any]) -> ErrorLaw:
-    """The law of a document that fits its schema; ValueError if its numbers are not valid."""
-    if document["schema"] == LAW_OF_PARTS_SCHEMA:
-        return law_of_parts_of(document)
-    return forecast_error_of(document)

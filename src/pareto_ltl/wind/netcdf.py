@@ -25,11 +25,13 @@ from pareto_ltl.support.file_formats import DAMAGE
 from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, parse_level
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.wind.air import MapAir
-from pareto_ltl.wind.error_law import ErrorLaw
-from pareto_ltl.wind.named_laws import SCHEMAS, law_of
-from pareto_ltl.wind.records import PARTS, WindEvidence, WindField, WindModes
+from pareto_ltl.wind.named_laws import SCHEMAS
+from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene import Scene
+from wind_laws.documents import law_of
+from wind_laws.error_law import ErrorLaw
+from wind_laws.records import PARTS, WindEvidence, WindModes
 
 if TYPE_CHECKING:
     import h5netcdf

@@ -18,16 +18,17 @@ from pareto_ltl.support.levels import DEPTH, parse_level
 from pareto_ltl.support.sphere import on_sphere
 from pareto_ltl.wind.air import MapAir, NodeAir, map_air
 from pareto_ltl.wind.area import swap_question
-from pareto_ltl.wind.change_law import Variability, reasons_text
 from pareto_ltl.wind.doubts import assumed_leads, edge_warning, refuse_small_extent, spread_warning
-from pareto_ltl.wind.error_law import ErrorLaw
 from pareto_ltl.wind.named_laws import AUTO, CURRENTS, NONE, law_named
-from pareto_ltl.wind.readings import Readings, farthest_points
+from pareto_ltl.wind.readings import Readings
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.sources import wind_source
-from pareto_ltl.wind.variability import variability_of
 from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene import Scene
+from wind_laws.change_law import Variability, reasons_text
+from wind_laws.error_law import ErrorLaw
+from wind_laws.places import farthest_points
+from wind_laws.variability import variability_of
 
 FEWEST_READINGS = 5  # required readings near the scene, at each time
 ENOUGH_READINGS = 40  # with fewer readings near the scene at a time, readings farther away are used too

@@ -240,17 +240,3 @@ def check_readings(
             several = f" ({len(there)} such readings)" if rows is None and len(there) > 1 else ""
             faults.add(f"{where}{row}: {text}{several}")
     faults.refuse()
-
-
-def farthest_points(points: FloatArray, count: int, first: int | IntArray) -> IntArray:
-    """Indices of ``count`` of ``points`` (N, d): ``first``, then repeatedly the farthest from those chosen.
-
-    ``first`` is one index, or several, at most ``count``. Gonzalez (1985), doi:10.1016/0304-3975(85)90224-5.
-    """
-    given = np.atleast_1d(first)
-    chosen = np.empty(min(count, len(points)), dtype=np.int64)
-    gap = np.full(len(points), np.inf)
-    for i in range(len(chosen)):
-        chosen[i] = given[i] if i < len(given) else np.argmax(gap)
-        gap = np.minimum(gap, np.sum((points - points[chosen[i]]) ** 2, axis=1))
-    return chosen

@@ -28,7 +28,13 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 COLUMNS = 80
-OURS = ("pareto_ltl", "careful_io", "typed_kernels", "py.warnings")  # the loggers whose warnings are shown
+OURS = (
+    "pareto_ltl",
+    "careful_io",
+    "typed_kernels",
+    "wind_laws",
+    "py.warnings",
+)  # the loggers whose warnings are shown
 EXPECTED_ERRORS: tuple[type[Exception], ...] = (ParetoLtlError, OSError)
 
 

@@ -37,7 +37,7 @@ READ_AT_START = (
 SOURCES = Path(__file__).resolve().parents[2]  # folder of the installed packages
 OURS = (
     "careful_io", "ltlf", "pareto_ltl", "pareto_ltl_apps", "pareto_ltl_verify", "plane_kernels",
-    "typed_kernels", "hydra_plugins",
+    "typed_kernels", "wind_laws", "hydra_plugins",
 )  # fmt: skip
 NOT_WARM = {"warm", "warmup", "serve", "follow", "sweep", "verify", "rerun", "cache", "formula"}
 

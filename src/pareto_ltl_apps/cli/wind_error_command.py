@@ -16,9 +16,9 @@ from pareto_ltl_apps.cli.wind_table_command import check_table, estimate_from_ta
 
 if TYPE_CHECKING:
     from pareto_ltl.extend import GeoBox, Snapshot
-    from pareto_ltl.wind.forecast_error import ForecastError
     from pareto_ltl_apps.wind_errors.error_estimate import ErrorEstimate, ErrorTable
     from pareto_ltl_apps.wind_errors.matched_fields import Interval, Resampling
+    from wind_laws.forecast_error import ForecastError
 
 EVERYWHERE = "all"
 LONGEST_NAME = 200  # as the schema has it

@@ -1,11 +1,12 @@
 """Planning the rest of a flight again: position, wind error and remaining mission after position fixes.
 
 Without fixes and without a newer forecast there is no new information, and the rest of the old plan is
-unchanged. Position and wind are conditioned on fixes (``planning/conditioning.py``, ``wind/conditioned.py``),
-or the wind is a newer forecast (``rest_of_flight.py``). The automaton continues from its most likely
-state, and the stages from the trees on run with these records. The rest of the old plan is one of the paths
-of the new front. The new plan and the rest of the old one are then simulated in the same winds; a plan that
-fails significantly more often than the rest is replaced by a path of the front that does not.
+unchanged. Position and wind are conditioned on fixes (``planning/conditioning.py``,
+``wind_laws/conditioned.py``), or the wind is a newer forecast (``rest_of_flight.py``). The automaton
+continues from its most likely state, and the stages from the trees on run with these records. The rest of the
+old plan is one of the paths of the new front. The new plan and the rest of the old one are then simulated in
+the same winds; a plan that fails significantly more often than the rest is replaced by a path of the front
+that does not.
 """
 
 from __future__ import annotations

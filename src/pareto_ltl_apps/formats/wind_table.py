@@ -17,9 +17,10 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import parse_level
 from pareto_ltl.support.sphere import on_sphere
 from pareto_ltl.wind.observations import FEWEST_READINGS
-from pareto_ltl.wind.readings import farthest_points, shared_nodes
+from pareto_ltl.wind.readings import shared_nodes
 from pareto_ltl_apps.formats.csv_files import write_csv_table
 from pareto_ltl_apps.formats.settings import IngestConfig
+from wind_laws.places import farthest_points
 
 NOAA = (
     "US National Oceanic and Atmospheric Administration (NOAA), public domain (17 U.S.C. 105); a selection, "

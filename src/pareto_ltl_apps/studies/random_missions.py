@@ -22,8 +22,8 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.file_formats import is_data_file
 from pareto_ltl.support.resources import checkout
 from pareto_ltl.support.sphere import wrap_longitude
-from pareto_ltl.wind import field as lattices
 from pareto_ltl_apps.studies.settings import ForecastTestConfig
+from wind_laws.lattice import wind_lattice
 
 REGIONS = ("a", "b", "c")
 TABLES = (".npz", ".nc", ".csv")
@@ -112,15 +112,14 @@ def real_wind(
     rotated by the meridian convergence. Gusts at a field's time are taken from the nearest slot of
     ``believed``.
     """
-    origin, spacing, shape = lattices.wind_lattice(replace(wind_cfg, spacing=cfg.spacing), scene)
-    nodes = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)
+    lattice = wind_lattice(scene.bounds, cfg.spacing, wind_cfg.padding)
     times = flight_times(cfg, readings, scene)
-    table = at_times(readings, scene, times, origin + spacing * nodes).reshape(len(times), *shape, 2)
+    table = at_times(readings, scene, times, lattice.nodes()).reshape(len(times), *lattice.shape, 2)
     slots = np.abs(believed.times[None] - times[:, None]).argmin(axis=1)
     gusts = cfg.gusts**2 * believed.gust_var[slots]
     return WindField(
-        origin=origin, spacing=spacing, times=times, mean=table, latent_var=np.zeros_like(table),
-        gust_var=gusts, source="full fields",
+        origin=lattice.origin, spacing=lattice.spacing, times=times, mean=table,
+        latent_var=np.zeros_like(table), gust_var=gusts, source="full fields",
     )  # fmt: skip
 
 

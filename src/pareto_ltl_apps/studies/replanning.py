@@ -38,7 +38,6 @@ from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, lengt
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.seeds import stage_seeds
-from pareto_ltl.wind.records import FORECAST_PARTS, forecast_parts
 from pareto_ltl_apps.exports.exported import HELD_TIME
 from pareto_ltl_apps.flight.branches import rejoining
 from pareto_ltl_apps.flight.replanning import replanned
@@ -49,6 +48,7 @@ from pareto_ltl_apps.studies.parts import Part, Progress, half_the_cores, part_k
 from pareto_ltl_apps.studies.random_missions import Mission
 from pareto_ltl_apps.studies.settings import EvaluationConfig, ForecastTestConfig, ReplanningConfig
 from pareto_ltl_apps.studies.tables import Columns, interval_columns, markdown_table, rate_cell, rate_columns
+from wind_laws.records import FORECAST_PARTS, forecast_parts
 
 LOG = logging.getLogger("pareto_ltl.studies.replanning")
 STREAM, FIXES, FORECASTS = "replanning", "replanning fixes", "replanning forecasts"

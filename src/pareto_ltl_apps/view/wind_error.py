@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 
 from careful_io.times import HOUR
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.forecast_error import ForecastError
-from pareto_ltl.wind.gp import CORRELATIONS
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.axes import panel_row
 from pareto_ltl_apps.wind_errors.error_estimate import ASYMMETRY, MIXED, ErrorEstimate, ErrorTable, LengthFit
+from wind_laws.forecast_error import ForecastError
+from wind_laws.gp import CORRELATIONS
 
 ERROR_COLOUR, CHANGE_COLOUR = style.VERMILLION, style.BLUE
 DPI = 300

@@ -37,9 +37,9 @@ from careful_io.times import HOUR, iso
 from pareto_ltl.extend import Snapshot
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.forecast_error import ForecastError
-from pareto_ltl.wind.gp import CORRELATIONS
 from pareto_ltl_apps.wind_errors.matched_fields import Interval, MatchedFields, PairMoments, Resampling
+from wind_laws.forecast_error import ForecastError
+from wind_laws.gp import CORRELATIONS
 
 FEWEST_PAIRS = 5  # for an entry of a table
 LENGTHS = np.geomspace(2e4, 4e6, 1000)  # candidates [m]

@@ -17,12 +17,12 @@ from careful_io.times import HOUR
 from pareto_ltl.extend import LawOfParts, LawPart
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.error_law import TailScale
 from pareto_ltl_apps.wind_errors.error_moments import error_moments
 from pareto_ltl_apps.wind_errors.law_check import CheckRow, check_rows
 from pareto_ltl_apps.wind_errors.law_fit import Fit, fit_parts
 from pareto_ltl_apps.wind_errors.law_tails import TailCounts
 from pareto_ltl_apps.wind_errors.point_forecasts import PointForecasts, Verified, truth_series, verified
+from wind_laws.error_law import TailScale
 
 LONGEST_LEAD = 120 * HOUR  # [s] of the leads that are fitted
 LAGS = HOUR * np.array([1.0, 3, 6, 9, 12, 15, 18, 21, 24, 30])  # of D(τ) [s]

@@ -19,8 +19,8 @@ from scipy.optimize import least_squares
 from careful_io.times import HOUR
 from pareto_ltl.extend import LawPart
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.gp import CORRELATIONS
 from pareto_ltl_apps.wind_errors.error_moments import ErrorMoments, Targets, targets
+from wind_laws.gp import CORRELATIONS
 
 KNOTS = HOUR * np.array([0.0, 6, 12, 24, 48, 72, 96, 120])  # of G(L) [s]
 MEMORY_LEADS = HOUR * np.array([0.0, 24, 48, 72])  # of the memory of the growing part [s]

@@ -18,9 +18,9 @@ from scipy.optimize import nnls
 
 from careful_io.times import HOUR
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.wind.error_law import TailScale
 from pareto_ltl_apps.wind_errors.law_check import CheckRow
 from pareto_ltl_apps.wind_errors.scale_mixture import log_density
+from wind_laws.error_law import TailScale
 
 TAIL_LEADS = HOUR * np.array([0.0, 36, 48])  # of s_m [s]
 MEMORIES = HOUR * np.array([3.0, 6.0, 12.0, 24.0, 48.0])  # candidates of the memory of the scale [s]

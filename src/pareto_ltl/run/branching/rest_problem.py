@@ -22,9 +22,9 @@ from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import Settings
 from pareto_ltl.simulation.common_flights import DrawnFlights
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
-from pareto_ltl.wind.conditioned import less_doubt, persistence, with_held_slots
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import Decomposition
+from wind_laws.conditioned import less_doubt, persistence, with_held_slots
 
 
 @dataclass(frozen=True, slots=True)

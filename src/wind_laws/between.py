@@ -1,23 +1,26 @@
-"""Winds that are known at nodes and times only: what lies between them is drawn, as in planning."""
+"""Winds that are known at nodes and times only: the errors of a fitted field between them."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
-from pareto_ltl.wind.lattice import lattice_values
-from pareto_ltl.wind.records import SPACE, TIME, WindField
+from wind_laws.lattice import lattice_values
+from wind_laws.records import SPACE, TIME, UncertainWind
+
+Real = TypeVar("Real", bound=UncertainWind)
 
 
-def with_interpolation_errors(real: WindField, believed: WindField) -> WindField:
+def with_interpolation_errors(real: Real, believed: UncertainWind) -> Real:
     """``real`` with the errors of interpolation in space and time of ``believed``.
 
     Parameters
     ----------
-    real : WindField
+    real : UncertainWind
         Expected winds without uncertainty but gusts.
-    believed : WindField
+    believed : UncertainWind
         A field fitted to readings, on a lattice of the same map; of its slots the nearest in time count.
     """
     modes, law = believed.modes, believed.error

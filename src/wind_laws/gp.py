@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pareto_ltl.settings import WindConfig
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.wind.readings import farthest_points
-from pareto_ltl.wind.records import WindObservations
+from wind_laws.places import farthest_points, pairwise_distances, same_places
+from wind_laws.records import PlacedReadings
+from wind_laws.types import BoolArray, FloatArray, IntArray
 
 # Start of the search for hyperparameters, in standardised units. For readings over the contiguous US these
 # are a length of 550 km, an amplitude of 3.1 m/s and a noise of 0.6 m/s.
@@ -29,6 +28,30 @@ LEAST_SCORED = 4  # smallest number of places for the score, and for the fit
 FACTOR_PRIOR = 0.5  # weight of the overall mean squared residual in that average, in readings
 
 
+class FitOptions(NamedTuple):
+    """What a fit can be told.
+
+    Attributes
+    ----------
+    kernel : str
+        ``matern12``, ``matern32`` or ``rbf``.
+    noise_min : float
+        Lower bound of the standard deviation of white noise [m/s].
+    holdout : float
+        Share of the places that are held out to score the fit.
+    energy : float
+        Share of the variance of the error that modes carry.
+    modes_max : int
+        Largest number of modes of a component.
+    """
+
+    kernel: str = "matern12"
+    noise_min: float = 0.3
+    holdout: float = 0.2
+    energy: float = 0.99
+    modes_max: int = 64
+
+
 class Hyper(NamedTuple):
     """Hyperparameters of all processes: amplitude α and noise σ [m/s], length scale ℓ [m]."""
 
@@ -44,7 +67,7 @@ class WindPosterior:
     Attributes
     ----------
     times : (K,) float
-        Times of the readings [s since time_zero].
+        Times of the readings [s].
     points, winds : tuple of (n_k, 2) float
         Positions [m] and winds [m/s] of the readings.
     kernel : str
@@ -128,7 +151,7 @@ class WindPosterior:
 
 
 def fit_posterior(
-    cfg: WindConfig, observations: WindObservations, bounds: FloatArray | None = None
+    options: FitOptions, observations: PlacedReadings, bounds: FloatArray | None = None
 ) -> WindPosterior:
     """Condition a Gaussian process on the readings of every time and component.
 
@@ -141,10 +164,9 @@ def fit_posterior(
         matern32:  k(x, x') = α² (1 + √3 r) exp(-√3 r)
         rbf:       k(x, x') = α² exp(-r² / 2)
 
-    m is the mean of the readings of a time and component. α, ℓ and σ >= ``cfg.noise_min`` are common to all
-    times and components and maximise the product of the likelihoods; fitted to single times, they vary by a
-    factor of 4. The score comes from a first fit without a share ``cfg.holdout`` of the places
-    (:func:`held_out`).
+    m is the mean of the readings of a time and component. α, ℓ and σ >= ``noise_min`` are common to all times
+    and components and maximise the product of the likelihoods; fitted to single times, they vary by a factor
+    of 4. The score comes from a first fit without a share ``holdout`` of the places (:func:`held_out`).
 
     Negative log predictive density per value, on withheld nodes of GFS fields
     (``benchmarks/compare_wind_fits.py``): 1.92 with matern32 fitted at each time, 1.89 with matern12 and
@@ -155,37 +177,37 @@ def fit_posterior(
     Parameters
     ----------
     bounds : (2, 2) float, optional
-        South-west and north-east corner of the map [m].
+        South-west and north-east corner of the region where the fit is scored [m].
     """
     from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
     largest = max(len(points) for points in observations.points)
     with threadpool_limits(1 if largest <= MANY else None):  # threads of small matrices compete for the cores
-        out = held_out(cfg, observations, bounds)
+        out = held_out(options, observations, bounds)
         start, score = None, dict.fromkeys(SCORES, np.nan)
         if out is not None:
-            trial = _fitted(cfg, observations, [~mask for mask in out], None)
+            trial = _fitted(options, observations, [~mask for mask in out], None)
             start, score = trial.hyper, score_of(trial, observations, out)
         everything = [np.ones(len(points), bool) for points in observations.points]
-        posterior = _fitted(cfg, observations, everything, start)
+        posterior = _fitted(options, observations, everything, start)
     return replace(posterior, score=score)
 
 
 # --- scores of readings that a fit did not use ----------------------------------------------
 
 
-def held_out(cfg: WindConfig, seen: WindObservations, bounds: FloatArray | None) -> list[BoolArray] | None:
+def held_out(options: FitOptions, seen: PlacedReadings, bounds: FloatArray | None) -> list[BoolArray] | None:
     """Masks of the readings that are held out for the score; None if there are too few readings.
 
-    They are those at a random share ``cfg.holdout`` of the places on the map or, if these are few, of all
+    They are those at a random share ``holdout`` of the places in ``bounds`` or, if these are few, of all
     places.
     """
     places = np.unique(np.concatenate(seen.points), axis=0)
     near = places
     if bounds is not None:
         inside = places[((places >= bounds[0]) & (places <= bounds[1])).all(axis=1)]
-        near = inside if len(inside) >= LEAST_SCORED / cfg.holdout else places
-    count = max(1, round(cfg.holdout * len(near)))
+        near = inside if len(inside) >= LEAST_SCORED / options.holdout else places
+    count = max(1, round(options.holdout * len(near)))
     out = near[np.random.default_rng(0).permutation(len(near))[:count]]
     masks = [np.isin(p[:, 0] + 1j * p[:, 1], out[:, 0] + 1j * out[:, 1]) for p in seen.points]
     if count < LEAST_SCORED or any((~mask).sum() < LEAST_SCORED for mask in masks):
@@ -193,7 +215,7 @@ def held_out(cfg: WindConfig, seen: WindObservations, bounds: FloatArray | None)
     return masks
 
 
-def score_of(fit: WindPosterior, seen: WindObservations, out: Sequence[BoolArray]) -> dict[str, float]:
+def score_of(fit: WindPosterior, seen: PlacedReadings, out: Sequence[BoolArray]) -> dict[str, float]:
     """Scores of the predictions of the readings ``out`` (a mask for each time) by a fit without them.
 
     ``gp_z_sd``: root mean square of z-scores; ``gp_coverage_90``: share within 90 % intervals; ``gp_nlpd``:
@@ -221,20 +243,22 @@ def score_of(fit: WindPosterior, seen: WindObservations, out: Sequence[BoolArray
 
 
 def _fitted(
-    cfg: WindConfig, seen: WindObservations, kept: Sequence[BoolArray], start: Hyper | None
+    options: FitOptions, seen: PlacedReadings, kept: Sequence[BoolArray], start: Hyper | None
 ) -> WindPosterior:
     """The posterior of the readings ``kept`` (a mask for each time), with hyperparameters fitted to them."""
     points = tuple(p[mask] for p, mask in zip(seen.points, kept, strict=True))
     winds = tuple(w[mask] for w, mask in zip(seen.winds, kept, strict=True))
-    hyper = maximise_likelihood(cfg, points, winds, start)
+    hyper = maximise_likelihood(options, points, winds, start)
     means = np.stack([w.mean(axis=0) for w in winds])
-    residuals = leave_one_out(cfg.kernel, points, winds, hyper, means)
+    residuals = leave_one_out(options.kernel, points, winds, hyper, means)
     anchors, squares = squared_residuals(points, residuals)
-    return WindPosterior(seen.times, points, winds, cfg.kernel, hyper, means, {}, residuals, anchors, squares)
+    return WindPosterior(
+        seen.times, points, winds, options.kernel, hyper, means, {}, residuals, anchors, squares
+    )
 
 
 def maximise_likelihood(
-    cfg: WindConfig, points: Sequence[FloatArray], winds: Sequence[FloatArray], start: Hyper | None = None
+    options: FitOptions, points: Sequence[FloatArray], winds: Sequence[FloatArray], start: Hyper | None = None
 ) -> Hyper:
     """Maximum-likelihood hyperparameters, common to times and components.
 
@@ -248,15 +272,16 @@ def maximise_likelihood(
     together = same_places(points)
     used = np.unique(np.linspace(0, len(together) - 1, min(MAX_TIMES, len(together))).round().astype(int))
     groups = [_fit_group(points, winds, together[g]) for g in used]
-    scale = max(float(np.sqrt(np.mean(np.concatenate([y.ravel() for _, y in groups]) ** 2))), cfg.noise_min)
+    deviations = np.concatenate([y.ravel() for _, y in groups])
+    scale = max(float(np.sqrt(np.mean(deviations**2))), options.noise_min)
     everywhere = np.concatenate([x for x, _ in groups])
     reach = float(np.sqrt(np.var(everywhere, axis=0).mean()))  # > 0: positions differ
     shortest = max(0.02, 0.5 * min(_typical_gap(x) for x, _ in groups) / reach)
-    bounds = [(1e-2, 1e1), (shortest, 1e1), (cfg.noise_min / scale, 3.0)]
+    bounds = [(1e-2, 1e1), (shortest, 1e1), (options.noise_min / scale, 3.0)]
     first = (START_AMPLITUDE, START_LENGTH, START_NOISE)
     if start is not None:
         first = (start.amplitude / scale, start.length / reach, start.noise / scale)
-    models = [_likelihood_model(cfg.kernel, x / reach, y / scale) for x, y in groups]
+    models = [_likelihood_model(options.kernel, x / reach, y / scale) for x, y in groups]
 
     def loss(theta: FloatArray) -> tuple[float, FloatArray]:
         values = [model.log_marginal_likelihood(theta, True, clone_kernel=False) for model in models]
@@ -267,7 +292,7 @@ def maximise_likelihood(
     begin = np.log([f if i == 1 else f**2 for i, f in enumerate(first)])
     found = minimize(loss, np.clip(begin, *limits.T), jac=True, method="L-BFGS-B", bounds=limits)
     alpha2, length, sigma2 = np.exp(found.x)
-    noise = max(_significant(np.sqrt(sigma2) * scale), cfg.noise_min)
+    noise = max(_significant(np.sqrt(sigma2) * scale), options.noise_min)
     return Hyper(_significant(np.sqrt(alpha2) * scale), _significant(length * reach), noise)
 
 
@@ -275,7 +300,7 @@ def _significant(value: float) -> float:
     """``value`` to four significant digits.
 
     Within the tolerance of the search, the result depends on rounding in BLAS. The likelihoods of such values
-    do not differ, and plans made on different processors should not either.
+    do not differ, and results of different processors should not either.
     """
     return float(f"{value:.3e}")
 
@@ -384,7 +409,7 @@ def squared_residuals(
 def scaled_variance(latent: FloatArray, noise: float, factor: FloatArray) -> FloatArray:
     """``factor`` (v + σ²) - σ² [m²/s²], at least 0, with v = ``latent`` and σ² = ``noise``.
 
-    Only the latent variance is scaled, since the white part averages out over a flight.
+    Only the latent variance is scaled, since the white part averages out along a way.
 
     Eq. (M9) of docs/mathematics.md.
     """
@@ -399,21 +424,6 @@ CORRELATIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "matern32": lambda r: (1.0 + np.sqrt(3.0) * r) * np.exp(-np.sqrt(3.0) * r),
     "rbf": lambda r: np.exp(-0.5 * r**2),
 }
-
-
-def same_places(points: Sequence[FloatArray]) -> list[IntArray]:
-    """Indices of times, in groups with the same places."""
-    groups: dict[tuple[tuple[int, ...], bytes], list[int]] = {}
-    for k, places in enumerate(points):
-        groups.setdefault((places.shape, np.ascontiguousarray(places).tobytes()), []).append(k)
-    return [np.array(slots, np.int64) for slots in groups.values()]
-
-
-def pairwise_distances(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Distances (n, m) [m] between points ``a`` (n, 2) and ``b`` (m, 2) [m]."""
-    from scipy.spatial.distance import cdist
-
-    return np.asarray(cdist(a, b), float)
 
 
 def _typical_gap(points: FloatArray) -> float:

@@ -1,6 +1,6 @@
 """The law of wind errors of version 1: one part, whose memory does not depend on the lead.
 
-Laws of version 2 are a sum of parts (``wind/law_of_parts.py``).
+Laws of version 2 are a sum of parts (:mod:`wind_laws.law_of_parts`).
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import Any, Self
 import numpy as np
 
 from careful_io.times import HOUR
-from pareto_ltl.support.arrays import FloatArray, require_shape
-from pareto_ltl.wind.change_law import Variability, variability_of_document
-from pareto_ltl.wind.error_law import FORECAST, ErrorLaw, LawPart, Rows, read_rows, written_rows
+from wind_laws.change_law import Variability, variability_of_document
+from wind_laws.error_law import FORECAST, ErrorLaw, LawPart, Rows, read_rows, written_rows
+from wind_laws.types import FloatArray, require_shape
 
 FORECAST_ERROR_SCHEMA = "pareto_ltl.forecast_error/1"
 SHORTEST = 1e-3  # [s] memory of errors that do not persist

@@ -1,6 +1,6 @@
 """A wind field conditioned on position fixes: the expected wind changes, and the uncertainty decreases.
 
-At the time of the plan θ ~ N(m, I - B' B) instead of N(0, I). A part of the error with the persistence ρ from
+At time 0 θ ~ N(m, I - B' B) instead of N(0, I). A part of the error with the persistence ρ from
 there to a slot then has m_slot = ρ m and, with R = diag(ρ) of all modes, Cov = I - R B' B R in that slot, so
 that
 
@@ -20,17 +20,19 @@ information on it is not used.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.wind.records import ENSEMBLE, HELD, SPACE, TIME, WindField, forecast_parts
+from wind_laws.records import ENSEMBLE, HELD, SPACE, TIME, UncertainWind, forecast_parts
+from wind_laws.types import FloatArray, IntArray
 
 HELD_STEP = 10_800.0  # [s] between the slots of a held field
 INSTANTS = 8  # at which a variance is averaged around a slot
+Field = TypeVar("Field", bound=UncertainWind)
 
 
-def field_from(field: WindField, moment: float) -> WindField:
+def field_from(field: Field, moment: float) -> Field:
     """``field`` from the last slot at or before ``moment`` [s] on, with times that count from ``moment``.
 
     Its evidence is dropped: the fit also used the slots before.
@@ -41,11 +43,10 @@ def field_from(field: WindField, moment: float) -> WindField:
         _with_slots(field, times, np.arange(first, len(field.times))),
         until=field.known_until - moment,
         held=None if field.held is None else field.held - moment,
-        air=None if field.air is None else replace(field.air, times=field.air.times - moment),
     )
 
 
-def _with_slots(field: WindField, times: FloatArray, rows: IntArray) -> WindField:
+def _with_slots(field: Field, times: FloatArray, rows: IntArray) -> Field:
     """``field`` with slots at ``times`` that have the content of the slots ``rows``, without evidence."""
     modes = field.modes
     if modes is not None:
@@ -62,7 +63,7 @@ def _with_slots(field: WindField, times: FloatArray, rows: IntArray) -> WindFiel
     )
 
 
-def with_held_slots(field: WindField) -> WindField:
+def with_held_slots(field: Field) -> Field:
     """A field that is held from before time 0 on, with slots from 0 to its end; another one unchanged.
 
     The variance of the change since the field becomes part of ``latent_var``, and its modes the part
@@ -95,7 +96,7 @@ def with_held_slots(field: WindField) -> WindField:
     return replace(held, latent_var=variance, modes=modes, held=last)
 
 
-def persistence(field: WindField, since: float) -> FloatArray:
+def persistence(field: UncertainWind, since: float) -> FloatArray:
     """ρ (K, P): share of θ of each mode that remains from ``since`` [s], the time of a slot, to each slot."""
     modes, times = field.modes, field.times
     if modes is None:
@@ -113,7 +114,7 @@ def persistence(field: WindField, since: float) -> FloatArray:
     return rho
 
 
-def _kept_change(field: WindField, since: float) -> FloatArray:
+def _kept_change(field: UncertainWind, since: float) -> FloatArray:
     """Persistence (K,) of the change of a held field from the slot at ``since`` to each later slot."""
     if field.held is None or field.error is None:
         return np.zeros(len(field.times))
@@ -124,8 +125,8 @@ def _kept_change(field: WindField, since: float) -> FloatArray:
     return np.concatenate([np.zeros(first), np.cumprod([1.0, *fade])])
 
 
-def conditioned_field(field: WindField, theta: FloatArray, known: FloatArray) -> WindField:
-    """``field``, whose times count from the plan, conditioned on the information of position fixes.
+def conditioned_field(field: Field, theta: FloatArray, known: FloatArray) -> Field:
+    """``field``, conditioned on the information of position fixes.
 
     Eq. (M68) of docs/mathematics_methods.md.
 
@@ -140,7 +141,7 @@ def conditioned_field(field: WindField, theta: FloatArray, known: FloatArray) ->
     modes = field.modes
     if modes is None or not len(modes.part):
         return field
-    slot = int(np.argmin(np.abs(field.times)))  # slot of the modes at the time of the plan
+    slot = int(np.argmin(np.abs(field.times)))  # slot of the modes at time 0
     rho = persistence(field, float(field.times[slot]))
     mean, latent, psi = field.mean.copy(), field.latent_var.copy(), modes.psi.copy()
     nodes, shape = field.lattice.nodes(), mean.shape[1:3]

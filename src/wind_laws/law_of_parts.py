@@ -21,8 +21,6 @@ without the lasting part. σ_p²(0) is noise of each run.
 renewed with the memory τ, of variance s_m²(L). Averaged over a time T:
 
     s²(T) = s_f² + f(T / τ) s_m²,    f(x) = 2 (x - 1 + exp(-x)) / x²
-
-``wind_errors/scale_mixture.py`` of the applications has the distribution.
 """
 
 from __future__ import annotations
@@ -34,14 +32,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from careful_io.times import HOUR
-from pareto_ltl.support.arrays import FloatArray, require_shape
-from pareto_ltl.wind.change_law import (
-    ChangeLaw,
-    Variability,
-    change_law_of_document,
-    variability_of_document,
-)
-from pareto_ltl.wind.error_law import LASTING, ErrorLaw, LawPart, TailScale
+from wind_laws.change_law import ChangeLaw, Variability, change_law_of_document, variability_of_document
+from wind_laws.error_law import LASTING, ErrorLaw, LawPart, TailScale
+from wind_laws.types import FloatArray, require_shape
 
 LAW_OF_PARTS_SCHEMA = "pareto_ltl.forecast_error/2"
 OWN, OBSERVED = "own", "observed"  # what verifies a table: newer runs of the model, or observations

@@ -1,8 +1,8 @@
-"""What planning reads of a law of wind errors, whichever version of the law it is.
+"""What every law of wind errors has, whichever version of the law it is.
 
 Two kinds of errors of one component, with variances that are uniform over the map [m²/s²]:
 
-    Σ_p σ_p²(L)   error of a forecast with lead L, a sum of independent parts (``wind/law_of_parts.py``)
+    Σ_p σ_p²(L)   error of a forecast with lead L, a sum of independent parts (:mod:`wind_laws.law_of_parts`)
     D(τ)          mean square change of the wind at one place in a time τ (its structure function)
 
 D determines the error of linear interpolation in time, for any process with stationary increments. Between
@@ -26,8 +26,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from careful_io.times import HOUR
-from pareto_ltl.support.arrays import FloatArray, require_shape
-from pareto_ltl.wind.change_law import ChangeLaw, Variability
+from wind_laws.change_law import ChangeLaw, Variability
+from wind_laws.types import FloatArray, require_shape
 
 FORECAST = "forecast"  # the only part of a law of version 1
 LASTING, GROWING, SLOW, LOCAL = "lasting", "growing", "slow", "local"

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.change_law import (
+from wind_laws.change_law import (
     FEWEST_PLACES,
     LAW_WEIGHT,
     LEAST_FACTOR,
@@ -13,8 +12,10 @@ from pareto_ltl.wind.change_law import (
     MAX_FACTOR,
     Variability,
 )
-from pareto_ltl.wind.error_law import ErrorLaw
-from pareto_ltl.wind.gp import CORRELATIONS, pairwise_distances
+from wind_laws.error_law import ErrorLaw
+from wind_laws.gp import CORRELATIONS
+from wind_laws.places import pairwise_distances
+from wind_laws.types import FloatArray
 
 
 def spread_near(points: FloatArray, winds: FloatArray) -> float | None:

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray, require_shape
+from wind_laws.types import FloatArray, require_shape
 
 LAW_WEIGHT = 10.0  # n_0 of a law that does not state how its change depends on the winds
 LEAST_FACTOR, MAX_FACTOR = 0.25, 4.0  # of c

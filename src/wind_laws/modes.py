@@ -1,6 +1,6 @@
 """Karhunen-Loeve modes of the error of a wind field, and the persistence of its parts.
 
-Under the coherent law a flight meets one wind field. Its error is a sum of independent parts, each with
+A flight meets one wind field. Its error is a sum of independent parts, each with
 modes ψ and a persistence ρ; together they are modes of the sum of the covariances::
 
     w(x, t)   = μ(x, t) + Σ_parts ψ(x, t)' θ,      θ ~ N(0, I)
@@ -25,10 +25,11 @@ from typing import NamedTuple
 import numpy as np
 
 from careful_io.machine import cores
-from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
-from pareto_ltl.wind import gp
-from pareto_ltl.wind.gp import CORRELATIONS, WindPosterior, pairwise_distances, same_places
-from pareto_ltl.wind.records import ENSEMBLE, SPACE, TIME
+from wind_laws import gp
+from wind_laws.gp import CORRELATIONS, WindPosterior
+from wind_laws.places import pairwise_distances, same_places
+from wind_laws.records import ENSEMBLE, SPACE, TIME
+from wind_laws.types import Float32Array, FloatArray, IntArray
 
 LOG = logging.getLogger(__name__)
 
@@ -154,7 +155,7 @@ def posterior_covariance(
     """Covariance C (N, N) [m²/s²] of slot ``k`` at ``nodes`` (N, 2) with mutual distances ``between`` [m].
 
     The variance factor is included: rows and columns are scaled to the latent variance v' of
-    :meth:`~pareto_ltl.wind.gp.WindPosterior.at`::
+    :meth:`~wind_laws.gp.WindPosterior.at`::
 
         C  = k(X*, X*) - k(X*, X) (K + σ² I)⁻¹ k(X, X*)
         C' = √(v' / v) C √(v' / v)',    v = diag C
@@ -305,7 +306,7 @@ def _correlation_length(nodes: FloatArray, lags: FloatArray) -> float:
 # --- persistence ------------------------------------------------------------------------------
 
 
-def error_persistence(posterior: WindPosterior) -> float:
+def error_persistence(posterior: WindPosterior, remedy: str = "") -> float:
     """ρ in [0, 1], the correlation of errors of interpolation in space from one slot to the next.
 
     It is estimated from leave-one-out residuals z of readings at the same place, j slots apart::
@@ -315,7 +316,8 @@ def error_persistence(posterior: WindPosterior) -> float:
     The correlation of real errors does not decrease like ρ^j: at withheld nodes of GFS fields it is 0.69,
     0.48 and 0.35 after 3, 6 and 9 h and remains at 0.3 from 12 to 30 h, since terrain and coasts do not
     change. A flight accumulates errors, so ρ is chosen to match the sum of the correlations over a day. With
-    fewer than ``FEWEST_PAIRS`` pairs, ρ = 1: errors do not change during a flight, the conservative case.
+    fewer than ``FEWEST_PAIRS`` pairs, ρ = 1: errors do not change during a flight, the conservative case; the
+    warning ends with ``remedy``.
 
     Eq. (M16) of docs/mathematics.md.
     """
@@ -333,7 +335,8 @@ def error_persistence(posterior: WindPosterior) -> float:
         if slots > 1:
             LOG.warning(
                 "too few stations report at neighbouring times to fit how long wind errors last; they "
-                "are assumed to last for ever (set wind.rho to change that)"
+                "are assumed to last for ever%s",
+                remedy,
             )
         return 1.0
     return persistence_of(correlations)
