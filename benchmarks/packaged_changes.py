@@ -34,10 +34,11 @@ from careful_io.times import HOUR
 from packaged_laws import rounded
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray
-from pareto_ltl.wind.named_laws import PARTS_FOLDER, law_named, law_of_parts_named
+from pareto_ltl.wind.named_laws import law_named, law_of_parts_named
 from pareto_ltl.wind.sources import read_readings
 from pareto_ltl_apps.wind_errors.scale_mixture import quantiles
 from wind_laws.change_law import ChangeLaw
+from wind_laws.documents import PARTS_FOLDER
 from wind_laws.law_of_parts import LawOfParts
 from wind_laws.variability import variability_of
 

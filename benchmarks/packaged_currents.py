@@ -31,7 +31,7 @@ from careful_io.files import write_json
 from careful_io.times import HOUR
 from packaged_laws import rounded
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.wind.named_laws import PARTS_FOLDER
+from wind_laws.documents import PARTS_FOLDER
 from wind_laws.error_law import LOCAL, SLOW, LawPart, TailScale
 from wind_laws.law_of_parts import OWN, LawOfParts
 

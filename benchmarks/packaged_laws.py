@@ -24,9 +24,10 @@ import numpy as np
 
 from careful_io.files import write_json
 from careful_io.times import HOUR
-from pareto_ltl.wind.named_laws import PARTS_FOLDER, law_of_parts_named
+from pareto_ltl.wind.named_laws import law_of_parts_named
 from pareto_ltl_apps.wind_errors.law_estimate import LawEstimate, estimate_law
 from pareto_ltl_apps.wind_errors.point_tables import read_point_table
+from wind_laws.documents import PARTS_FOLDER
 from wind_laws.error_law import LASTING
 from wind_laws.law_of_parts import LawOfParts
 

@@ -79,10 +79,8 @@ from pareto_ltl.wind.air import NodeAir as NodeAir
 from pareto_ltl.wind.area import ALL_WIND as ALL_WIND
 from pareto_ltl.wind.area import GeoBox as GeoBox
 from pareto_ltl.wind.area import Wanted as Wanted
-from pareto_ltl.wind.named_laws import first_law as first_law
 from pareto_ltl.wind.named_laws import law_of_newer_runs as law_of_newer_runs
 from pareto_ltl.wind.named_laws import law_of_parts_named as law_of_parts_named
-from pareto_ltl.wind.named_laws import packaged_laws as packaged_laws
 from pareto_ltl.wind.readings import CALM as CALM
 from pareto_ltl.wind.snapshots import Snapshot as Snapshot
 from pareto_ltl.wind.snapshots import readings_of as readings_of
@@ -102,5 +100,7 @@ from pareto_ltl.world.scene_sketch import read_start as read_start
 from pareto_ltl.world.windows import TimedPlace as TimedPlace
 from pareto_ltl.world.windows import Window as Window
 from wind_laws.between import with_interpolation_errors as with_interpolation_errors
+from wind_laws.documents import first_law as first_law
+from wind_laws.documents import packaged_laws as packaged_laws
 from wind_laws.error_law import LawPart as LawPart
 from wind_laws.law_of_parts import LawOfParts as LawOfParts

@@ -12,11 +12,12 @@ import forecast_history as history
 from careful_io.fingerprints import file_fingerprint
 from noaa import NOAA, needs_noaa
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.wind.named_laws import LAWS_FOLDER, read_law
+from pareto_ltl.wind.named_laws import read_law
 from pareto_ltl_apps.cli import wind_error_command as command
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.formats import grib_files
 from pareto_ltl_apps.wind_errors import full_winds
+from wind_laws.documents import LAWS_FOLDER
 
 
 @pytest.fixture

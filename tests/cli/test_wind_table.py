@@ -11,10 +11,11 @@ import pytest
 
 from careful_io.fingerprints import file_fingerprint
 from careful_io.times import HOUR
-from pareto_ltl.wind.named_laws import LAWS_FOLDER, law_of_parts_named
+from pareto_ltl.wind.named_laws import law_of_parts_named
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.wind_errors.point_forecasts import PointForecasts
 from point_forecasts_made import WINDS, made_forecasts, made_law, needs_winds
+from wind_laws.documents import LAWS_FOLDER
 
 FIRST_LAW = str(LAWS_FOLDER / "gfs.json")
 KEYS = {"hours", "kind", "cover50", "cover90", "cover99", "cover999", "rms_z", "n"}

@@ -18,13 +18,13 @@ from pareto_ltl.planning.rates import FailureRate, Promise
 from pareto_ltl.planning.records import Forest, Front, Objectives, Plan, PlannedPath, Tree
 from pareto_ltl.settings import Settings, preset
 from pareto_ltl.simulation.records import Deployment, write_deployments
-from pareto_ltl.wind.named_laws import first_law
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import decompose
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_files import write_cells, write_scene
 from pareto_ltl_apps.studies.sweeps import SweepManifest, SweepPoint
+from wind_laws.documents import first_law
 from wind_laws.records import FORECAST, SPACE, TIME, WindEvidence, WindModes
 
 FORMULAS = (

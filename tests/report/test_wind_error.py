@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 
 import forecast_history as history
 from figure_texts import labels_without_unit, texts_of, texts_outside
-from pareto_ltl.wind.named_laws import first_law
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.wind_error import draw_wind_error, wind_error_figure
 from pareto_ltl_apps.wind_errors.error_estimate import ErrorEstimate, estimate_errors, estimated_law
 from pareto_ltl_apps.wind_errors.matched_fields import Resampling
+from wind_laws.documents import first_law
 
 USUAL = first_law()
 HISTORIES = {

@@ -21,10 +21,10 @@ from careful_io.reading import read_json
 from map_files import KML, archive, collection, feature, folder, kml_polygon, written
 from map_samples import box
 from pareto_ltl import Run
-from pareto_ltl.wind.named_laws import LAWS_FOLDER
 from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl_apps.cli.commands import run_command_line
 from quick_wind import wind_words
+from wind_laws.documents import LAWS_FOLDER
 
 START = "2026-10-09T00:00:00"
 HOURS = np.arange(0, 49, 6)

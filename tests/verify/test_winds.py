@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pareto_ltl.planning import pack
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.named_laws import first_law, law_of_parts_named
+from pareto_ltl.wind.named_laws import law_of_parts_named
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.records import WindField, WindObservations
 from pareto_ltl_verify import wind_fit, wind_law
@@ -21,6 +21,7 @@ from pareto_ltl_verify.claims import wind_modes
 from pareto_ltl_verify.wind_law import HOUR, error_law
 from pareto_ltl_verify.wind_tables import clock, read_wind_file
 from wind_laws import gp
+from wind_laws.documents import first_law
 from wind_laws.error_law import PART_NAMES, ErrorLaw, LawPart
 from wind_laws.forecast_error import ForecastError
 from wind_laws.law_of_parts import LawOfParts

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import forecast_history as history
 from careful_io.files import write_json
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.named_laws import first_law, read_law
+from pareto_ltl.wind.named_laws import read_law
 from pareto_ltl.wind.snapshots import Snapshot
 from pareto_ltl_apps.wind_errors.error_estimate import (
     ASYMMETRY,
@@ -27,6 +27,7 @@ from pareto_ltl_apps.wind_errors.error_estimate import (
     matern_lengths,
 )
 from pareto_ltl_apps.wind_errors.matched_fields import Interval, Resampling
+from wind_laws.documents import first_law
 
 HOUR = 3600.0
 SEEDS = range(12)

@@ -13,7 +13,8 @@ from careful_io.files import write_json
 from noaa import NOAA, needs_noaa
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.wind.named_laws import first_law, law_named, read_law
+from pareto_ltl.wind.named_laws import law_named, read_law
+from wind_laws.documents import first_law
 from wind_laws.forecast_error import HOUR, ForecastError, forecast_error_of
 
 GFS = first_law()

@@ -11,12 +11,12 @@ import pytest
 from careful_io.times import HOUR
 from pareto_ltl.extend import law_of_parts_named
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.wind.named_laws import PARTS_FOLDER
 from pareto_ltl.wind.observations import law_of_wind, place_readings
 from pareto_ltl.wind.readings import Readings
 from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from pareto_ltl_verify.wind_law import error_law
+from wind_laws.documents import PARTS_FOLDER
 from wind_laws.error_law import LOCAL, SLOW
 
 LAW = law_of_parts_named("currents")

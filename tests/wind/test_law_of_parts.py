@@ -14,9 +14,10 @@ from careful_io.files import write_json
 from careful_io.times import HOUR
 from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.wind.named_laws import law_named, law_of_parts_named, packaged_laws, read_law
+from pareto_ltl.wind.named_laws import law_named, law_of_parts_named, read_law
 from pareto_ltl_apps.wind_errors.scale_mixture import coverage, log_density, quantiles
 from point_forecasts_made import made_law
+from wind_laws.documents import packaged_laws
 from wind_laws.error_law import GROWING, LASTING, LawPart, TailScale
 from wind_laws.law_of_parts import LawOfParts, law_of_parts_of
 

@@ -10,9 +10,9 @@ from careful_io.texts import probability_text
 from careful_io.times import HOUR, iso, seconds
 from pareto_ltl.support.levels import level_mismatch
 from pareto_ltl.support.medium import medium_of
-from pareto_ltl.wind.named_laws import law_named
 from pareto_ltl.wind.records import WindField
 from wind_laws.change_law import reasons_text
+from wind_laws.documents import packaged_law
 from wind_laws.error_law import ErrorLaw
 from wind_laws.records import ENSEMBLE
 
@@ -191,7 +191,7 @@ def held_warning(field: WindField, end: float, time_zero: str | None = None) -> 
     last, law = field.last_field, field.error
     if law is None or end <= last:
         return None
-    usual = law if law.parts else law_named("gfs").for_winds(law.level, law.spread)
+    usual = law if law.parts else packaged_law("gfs").for_winds(law.level, law.spread)
     late = np.array([(max(last, 0.0) + end) / 2, end]) - last
     lead = np.nan_to_num(field.leads[-1])
     held = np.sqrt(law.change_variance(late) + law.forecast_variance(lead))

@@ -1,4 +1,4 @@
-"""Laws of wind errors by name or file, and from their documents, of either version."""
+"""Laws of wind errors by the names of settings, or in files of users."""
 
 from __future__ import annotations
 
@@ -8,25 +8,17 @@ from pathlib import Path
 from careful_io.reading import Advice
 from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.support.schemas import read_document
-from wind_laws.documents import law_of
+from wind_laws.documents import first_law, law_of, packaged_law, packaged_laws
 from wind_laws.error_law import ErrorLaw
-from wind_laws.forecast_error import FORECAST_ERROR_SCHEMA, ForecastError
+from wind_laws.forecast_error import FORECAST_ERROR_SCHEMA
 from wind_laws.law_of_parts import LAW_OF_PARTS_SCHEMA, OWN, LawOfParts
 
-LAWS_FOLDER = PACKAGE / "support" / "data" / "forecast_errors"
-PARTS_FOLDER = LAWS_FOLDER / "parts"
 AUTO, NONE, ONE_PART, CURRENTS = "auto", "none", "gfs_one_part", "currents"
 LAW_FILE = Advice(
     damaged="expected a file of `pareto-ltl wind-error`", missing="name a file of `pareto-ltl wind-error`"
 )
 SCHEMAS = {FORECAST_ERROR_SCHEMA: "forecast_error", LAW_OF_PARTS_SCHEMA: "forecast_error_2"}
-
-
-def packaged_laws() -> tuple[str, ...]:
-    """Names of the packaged laws of parts."""
-    return tuple(sorted(path.stem for path in PARTS_FOLDER.glob("*.json")))
 
 
 def law_named(name: str) -> ErrorLaw:
@@ -40,7 +32,7 @@ def law_named(name: str) -> ErrorLaw:
         If the file is not a valid law.
     """
     if name in packaged_laws():
-        return read_law(PARTS_FOLDER / f"{name}.json")
+        return packaged_law(name)
     if name in (NONE, ONE_PART):
         law = first_law()
         return law.without_forecasts() if name == NONE else law
@@ -71,13 +63,6 @@ def law_of_newer_runs(name: str) -> ErrorLaw:
     """
     law = law_named("gfs" if name == AUTO else name)
     return replace(law, parts=law.seen_by(OWN)) if isinstance(law, LawOfParts) else law
-
-
-def first_law() -> ForecastError:
-    """The packaged law of version 1, of GFS."""
-    law = read_law(LAWS_FOLDER / "gfs.json")
-    assert isinstance(law, ForecastError)
-    return law
 
 
 def read_law(path: Path) -> ErrorLaw:

@@ -22,7 +22,7 @@ from pareto_ltl_verify.wind_fit import Fit
 from pareto_ltl_verify.wind_law import HOUR, VERSION_1, ErrorLaw
 from pareto_ltl_verify.wind_tables import WindFile, level_of
 
-LAWS = SOURCES / "pareto_ltl" / "support" / "data" / "forecast_errors"
+LAWS = SOURCES / "wind_laws" / "data"
 FIRST_LAW, PACKAGED = LAWS / "gfs.json", {path.stem: path for path in (LAWS / "parts").glob("*.json")}
 LAWS_OF_MODELS = {"edzw": "icon_eu", "ecmf": "ecmwf_class", "kwbc 83": "hourly_fine"}  # centre, process
 MOST_NODES = 4000  # limit of the number of nodes of a slot at which the posterior is computed
