@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from careful_io.times import HOUR
-from pareto_ltl.wind.named_laws import law_named
+from wind_laws.documents import packaged_law
 from wind_laws.error_law import GROWING, LASTING, LOCAL, SHORT_TIME_POWER, LawPart
 
 LEADS, SD, MEMORY = (0.0, 6.0, 24.0, 48.0), (0.5, 0.8, 1.5, 1.9), (4.0, 10.0, 30.0, 60.0)  # [h], [m/s], [h]
-GFS = law_named("gfs")
+GFS = packaged_law("gfs")
 hours = st.floats(0.0, 100.0)
 
 

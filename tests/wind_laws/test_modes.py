@@ -10,16 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
-from pareto_ltl.settings import WindConfig
-from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
-from pareto_ltl.wind.records import WindObservations
-from problems import QUICK_ERROR, box, make_scene, smooth_wind
 from wind_laws import gp as regression
 from wind_laws import modes
-from wind_laws.gp import CORRELATIONS, Hyper, WindPosterior, leave_one_out
+from wind_laws.gp import CORRELATIONS, FitOptions, Hyper, WindPosterior, leave_one_out
 from wind_laws.places import pairwise_distances
-from wind_laws.records import ENSEMBLE, FORECAST, FORECAST_PARTS, SPACE, TIME, WindModes
+from wind_laws.records import ENSEMBLE, FORECAST, FORECAST_PARTS, SPACE, TIME, PlacedReadings, WindModes
 
 LOCAL = FORECAST_PARTS["local"]
 KM = 1000.0
@@ -194,8 +189,8 @@ def test_without_stations_in_common_the_field_counts_as_frozen(caplog):
         one, times=np.array([0.0, 3600.0]), points=one.points + other.points, winds=one.winds + other.winds,
         means=np.repeat(one.means, 2, axis=0),
     )  # fmt: skip
-    assert modes.error_persistence(moving, " (set wind.rho to change that)") == 1.0
-    assert "for ever (set wind.rho to change that)" in caplog.text
+    assert modes.error_persistence(moving, " (state it)") == 1.0
+    assert "for ever (state it)" in caplog.text
 
 
 def test_one_time_needs_no_persistence(caplog):
@@ -220,38 +215,13 @@ def test_a_singular_covariance_is_no_trouble():
 def test_readings_without_wind_give_modes_without_a_fault():
     rng = np.random.default_rng(int(SeedSequence(0).generate_state(1)[0]))
     places = rng.uniform(0, 1000 * KM, (20, 2))
-    seen = WindObservations(np.zeros(1), (places,), (np.zeros((20, 2)),), "nothing stirs")
-    post = regression.fit_posterior(WindConfig(), seen)
+    seen = PlacedReadings(np.zeros(1), (places,), (np.zeros((20, 2)),), "nothing stirs")
+    post = regression.fit_posterior(FitOptions(), seen)
     assert np.isfinite(modes_of(post, most=30).psi).all()
 
 
 @pytest.mark.parametrize("rho", [-0.1, 1.1])
-def test_rho_outside_zero_to_one_is_refused(rho):
-    with pytest.raises(ConfigError, match=r"wind\.rho must lie in \[0, 1\]"):
-        WindConfig(rho=rho)
+def test_a_persistence_outside_zero_to_one_is_refused(rho):
+    psi, ones = np.zeros((1, 2, 2, 2, 8), np.float32), np.ones((1, 2))
     with pytest.raises(ValueError, match="rho"):
-        WindModes(
-            np.zeros(2),
-            1.0,
-            np.zeros((1, 2, 2, 2, 8), np.float32),
-            np.zeros(8, int),
-            rho,
-            1.0,
-            np.ones((1, 2)),
-            np.ones((1, 2)),
-        )
-
-
-def test_a_stored_field_keeps_its_modes(tmp_path):
-    scene = make_scene({"a": box(2, 2, 4, 4)})
-    wind = smooth_wind(scene, rho=0.4, error=QUICK_ERROR)
-    again = read_netcdf(write_netcdf(wind, tmp_path / "wind.nc", scene))
-    assert wind.modes is not None
-    assert again.modes is not None
-    np.testing.assert_array_equal(again.modes.psi, wind.modes.psi)
-    np.testing.assert_allclose(again.modes.origin, wind.modes.origin)
-    np.testing.assert_array_equal(again.modes.part, wind.modes.part)
-    assert (again.modes.rho, again.modes.gap) == (0.4, wind.modes.gap)
-    assert again.modes.rest_length == wind.modes.rest_length
-    assert again.modes.spacing == pytest.approx(wind.modes.spacing)
-    assert again.gust_time == wind.gust_time
+        WindModes(np.zeros(2), 1.0, psi, np.zeros(8, int), rho, 1.0, ones, ones)
