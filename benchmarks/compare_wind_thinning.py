@@ -18,11 +18,12 @@ import numpy as np
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
-from pareto_ltl.wind.observations import FIT_RADIUS, project_readings, thinned
+from pareto_ltl.wind.observations import FIT_RADIUS, project_readings
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.sources import read_readings
 from pareto_ltl.world import projection
 from wind_laws.gp import fit_posterior
+from wind_laws.places import thinned
 
 BOUNDS = np.array([[-5e5, -5e5], [5e5, 5e5]])
 COUNTS = (75, 150, 300, 600, 1000, 2000, 5000)

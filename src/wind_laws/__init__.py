@@ -22,6 +22,7 @@ of interpolation in space and in time; of the members of an ensemble; of a field
 ``lattice``                          regular lattices, and values between their nodes
 ``modes``                            Karhunen-Loeve modes of the error, and how long it lasts
 ``tables``                           a fit as one task and one table, which can be kept on disk
+``tails`` ``drift``                  scales of errors, drawn and weighted; how far errors displace a flight
 ``conditioned`` ``between``          a field given position fixes; winds known at nodes and times only
 
 The modules are imported by name; this one loads nothing. Positions are in [m], times in [s], winds in [m/s].

@@ -178,3 +178,12 @@ def test_the_depth_of_a_label_is_counted_anew_after_each_bracket() -> None:
     assert parse_hoa(text(label="!" * (deep // 2 * 2 - 2) + "0")) == parse_hoa(text())
     for label in ("(" * (deep + 1) + "0" + ")" * (deep + 1), f"{side_by_side} & " + "!" * (deep + 2) + "0"):
         assert f"deeper than {deep} levels" in refusal(text(label=label))
+
+
+@pytest.mark.parametrize("label", ["(0", "(0 | 1", "((0)", "!(0 1)"])
+def test_a_bracket_that_stays_open_is_refused(label: str) -> None:
+    with pytest.raises(DataError, match=r"expected '\)'"):
+        parse_hoa(
+            'HOA: v1\nStates: 1\nStart: 0\nAP: 2 "a" "b"\nAcceptance: 1 Inf(0)\n--BODY--\n'
+            f"State: 0 {{0}}\n[{label}] 0\n--END--\n"
+        )

@@ -14,7 +14,6 @@ from scipy.stats import kurtosis, norm
 from careful_io.times import HOUR
 from coherent import coherent_problem
 from pareto_ltl.extend import simulate_flights
-from pareto_ltl.planning.error_tail import ErrorTail, draw_scales, error_tail, scaled_fields, weighted_scales
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
@@ -27,6 +26,7 @@ from point_forecasts_made import made_law
 from problems import QUICK_ERROR, along, box, make_problem, make_scene, smooth_wind
 from wind_laws.error_law import TailScale
 from wind_laws.records import FORECAST, FORECAST_PARTS, TIME
+from wind_laws.tails import ErrorTail, draw_scales, error_tail, scaled_fields, weighted_scales
 
 TAIL = ErrorTail(
     0.3, np.array([0.4, 0.5, 0.2]), np.array([0.0, 0.6, 0.9]), np.array([True, False, False]), 0.35,
@@ -106,7 +106,7 @@ def test_moments_follow_the_lead_of_the_slot_and_their_memory() -> None:
     wind = replace(wind, error=replace(wind.error, scale=scale), leads=HOUR * (4.0 + wind.times / HOUR))
     robot = RobotConfig(dt=100.0, u_max=25.0)
     p = make_problem("F a", scene, wind, robot, fidelity=preset("full"))
-    found = error_tail(wind, p.modes)
+    found = error_tail(wind, p.modes.slot, p.modes.epoch)
     assert found is not None
     first = [int(np.flatnonzero(p.modes.epoch == k)[0]) for k in range(len(found.moment))]
     slot = p.modes.slot[first]
@@ -141,9 +141,9 @@ def test_a_law_whose_change_depends_on_the_winds_gives_changes_tails() -> None:
     assert wind.modes is not None
     wind = replace(wind, modes=replace(wind.modes, part=np.full(len(wind.modes.part), TIME)))
     p = make_problem("F a", scene, wind, RobotConfig(dt=100.0, u_max=25.0), fidelity=preset("full"))
-    assert error_tail(wind, p.modes) is None
+    assert error_tail(wind, p.modes.slot, p.modes.epoch) is None
     law = law_of_parts_named("gfs").shared(0.0)
-    found = error_tail(replace(wind, error=law), p.modes)
+    found = error_tail(replace(wind, error=law), p.modes.slot, p.modes.epoch)
     assert found is not None
     assert found.changed.all()
     assert not found.scaled.any()

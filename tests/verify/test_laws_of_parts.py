@@ -16,7 +16,6 @@ import pareto_ltl
 from careful_io.files import write_json
 from lies.editing import holds, in_wind
 from pareto_ltl.extend import simulate_flights
-from pareto_ltl.planning.error_tail import draw_scales
 from pareto_ltl.wind.named_laws import law_of_parts_named
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.flights import RARE, fly, same_distribution
@@ -25,6 +24,7 @@ from pareto_ltl_verify.tails import drawn_scales, scaled_field
 from pareto_ltl_verify.wind_tables import ENSEMBLE, FORECAST, HELD, LASTING, LOCAL, OF_FORECASTS, SLOW, TIME
 from small_plans import COMMON
 from wind_files import U10, V10, grib_message
+from wind_laws.tails import draw_scales
 
 LON, LAT = np.arange(-125.0, -60.0, 2.5), np.arange(22.5, 52.5, 2.5)
 GRID = {

@@ -7,13 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from careful_io.times import iso, seconds
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.wind.readings import Readings, shared_nodes
+from pareto_ltl.wind.readings import Readings
 from pareto_ltl.wind.snapshots import Snapshot, readings_of
 from pareto_ltl_apps.formats.settings import IngestConfig
 from pareto_ltl_apps.formats.wind_table import write_wind_table
@@ -88,15 +86,3 @@ def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"^2 wind nodes lie in ingest.area"):
         write_wind_table(cfg, found, few, out)
     assert not out.exists()
-
-
-@given(st.integers(0, 2**32 - 1), st.integers(1, 4))
-def test_shared_nodes_are_those_of_all_times_in_the_order_of_the_first(seed: int, times: int) -> None:
-    rng = np.random.default_rng(seed)
-    points = [NODES[rng.permutation(20)[: rng.integers(1, 21)]] for _ in range(times)]
-    every = [set(map(tuple, one.tolist())) for one in points]
-    expected = [node for node in points[0].tolist() if all(tuple(node) in one for one in every)]
-    assert shared_nodes(points).tolist() == expected
-    inside = [node for node in expected if 0.5 < node[0] < 2.5 and 50.5 < node[1] < 52.5]
-    square = [[0.5, 50.5], [2.5, 50.5], [2.5, 52.5], [0.5, 52.5]]
-    assert shared_nodes(points, square).tolist() == inside

@@ -29,7 +29,6 @@ from pareto_ltl_apps.formats.grib_files import grib_snapshots, grib_snapshots_ap
 from pareto_ltl_apps.formats.settings import IngestConfig
 from pareto_ltl_apps.formats.snapshots import latest_readings
 from pareto_ltl_apps.formats.wind_table import write_wind_table
-from wind_laws.places import farthest_points
 
 HOURS = ("2018-10-09T00:00:00Z", "2018-10-09T03:00:00Z", "2018-10-09T06:00:00Z")
 
@@ -344,15 +343,6 @@ def test_a_source_with_few_readings_near_takes_the_nearest(tmp_path):
     every = read(cfg, scene(side=2e5)).points[0]
     gaps = np.sort(np.linalg.norm(np.maximum(0, np.abs(every) - 1e5), axis=1))
     np.testing.assert_allclose(np.sort(kept), gaps[:200])
-
-
-def test_farthest_points_match_a_plain_search():
-    points = np.random.default_rng(3).normal(size=(80, 2))
-    chosen = [7]
-    while len(chosen) < 12:
-        gaps = np.linalg.norm(points[:, None] - points[chosen][None], axis=2).min(axis=1)
-        chosen.append(int(np.argmax(gaps)))
-    np.testing.assert_array_equal(farthest_points(points, 12, 7), chosen)
 
 
 # --- what users get wrong

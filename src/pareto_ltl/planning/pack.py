@@ -15,7 +15,6 @@ from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.logic.timed import letter_of, places_of
 from pareto_ltl.planning.costs import ALWAYS
-from pareto_ltl.planning.error_tail import error_tail
 from pareto_ltl.planning.pack_logic import Epoch, epochs_of, pack_corners, pack_logic, pack_ordered
 from pareto_ltl.planning.power import energy_model
 from pareto_ltl.planning.problem import Problem, feedback_shares, motion_with_feedback, unaided
@@ -30,6 +29,7 @@ from pareto_ltl.world.scene import FixShape, Scene
 from pareto_ltl.world.time_step import with_time_step
 from plane_kernels.types import Cells, Faces, Nearby
 from wind_laws.records import HELD, PARTS, SPACE, TIME, WindModes, forecast_parts
+from wind_laws.tails import error_tail
 
 LOG = logging.getLogger(__name__)
 
@@ -364,7 +364,7 @@ def build_problem(
         energy=energy_model(robot.power),
         costs=ALWAYS,
         turns=turns_of(robot),
-        tail=error_tail(wind, coherent.modes),
+        tail=error_tail(wind, coherent.modes.slot, coherent.modes.epoch),
     )
 
 

@@ -18,7 +18,6 @@ from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning.cost import Cost
-from pareto_ltl.planning.error_tail import ErrorTail
 from pareto_ltl.planning.pack_logic import Reading, pack_corners
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.turns import Turns, TurnsOnTheSpot
@@ -29,6 +28,7 @@ from pareto_ltl.support.display import Displayed
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
 from plane_kernels.types import Cells, Corners, Faces
+from wind_laws.tails import ErrorTail
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import Forest, PlannedPath

@@ -35,7 +35,6 @@ from pareto_ltl.kernels import importance as kernel
 from pareto_ltl.kernels.margin import Slope, smoothed_failure
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.pilots import Autopilot
-from pareto_ltl.planning.error_tail import ErrorTail
 from pareto_ltl.planning.evaluate import propagate, propagate_controls
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.problem import Problem
@@ -44,6 +43,7 @@ from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.simulation.robot_errors import erring_pilot
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from wind_laws.tails import ErrorTail
 
 PILOTS = 500  # common flights whose events are looked for
 ENLARGED = np.arange(1.0, 6.1, 0.5)  # factors of their draws

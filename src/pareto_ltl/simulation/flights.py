@@ -31,7 +31,6 @@ from pareto_ltl.kernels.pilots import (
     Pilot,
     RejoiningPilot,
 )
-from pareto_ltl.planning.error_tail import draw_scales, scaled_fields
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.problem import Problem, unaided
@@ -43,6 +42,7 @@ from pareto_ltl.support.arrays import Float32Array, FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.seeds import later_child, unspawned
+from wind_laws.tails import draw_scales, scaled_fields
 
 # Takes the noise (T+1, n, 2) of the fixes and the coefficients (n, Q) of the robot's errors of n flights.
 PilotMaker = Callable[[FloatArray, FloatArray], Any]
@@ -73,7 +73,7 @@ def draw_coherent(problem: Problem, runs: int, steps: int, rng: Generator) -> ke
     θ_0 ~ N(0, I),    θ_{k+1} = ρ_k θ_k + √(1 - ρ_k²) η:    independent for ρ = 0, one field for ρ = 1.
 
     If the law has tails, θ of the parts of the forecast is multiplied by the scale of the flight
-    (:mod:`pareto_ltl.planning.error_tail`). Fields, white parts and scales have separate generators, so that
+    (:mod:`wind_laws.tails`). Fields, white parts and scales have separate generators, so that
     a longer plan only draws more steps.
 
     Eq. (M15) of docs/mathematics.md.

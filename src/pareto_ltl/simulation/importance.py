@@ -23,7 +23,7 @@ The mean of 1{z_i fails} φ(z_i) / q(z_i) over draws from q is unbiased whatever
 the law in which the simulator decides whether z fails: nonlinear winds. No weight exceeds 1 / α. The
 half-spaces only decide how many draws are needed.
 
-Errors with tails have a scale c that is drawn first (:mod:`pareto_ltl.planning.error_tail`). Given c, the
+Errors with tails have a scale c that is drawn first (:mod:`wind_laws.tails`). Given c, the
 deviations are about c times as large, and τ_j / c stands for τ_j.
 """
 
@@ -38,7 +38,6 @@ from scipy.special import gammaincinv, ndtr, ndtri
 
 from careful_io.machine import on_all_cores
 from pareto_ltl.kernels import importance as kernel
-from pareto_ltl.planning.error_tail import TILTS, scaled_fields, typical_scale, weighted_scales
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.rates import WEIGHTED, FailureRate
 from pareto_ltl.planning.records import PlannedPath
@@ -56,6 +55,7 @@ from pareto_ltl.simulation.failure_modes import (
 )
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
 from pareto_ltl.support.seeds import unspawned
+from wind_laws.tails import TILTS, scaled_fields, typical_scale, weighted_scales
 
 FARTHEST = 35.0  # standard deviations to the nearest half-space that a flight is pushed into: Φ(-35) = 1e-268
 SPARE = 2.0  # the upper end of an interval allows for one more weight, this many times the largest one drawn

@@ -12,9 +12,9 @@ from pareto_ltl.settings import WindConfig
 from pareto_ltl.wind.doubts import assumed_leads
 from pareto_ltl.wind.observations import law_of_wind, of_weather_model
 from pareto_ltl.wind.readings import Readings
+from wind_laws.drift import drift_variance
 
 SPACE_SHARE = 0.11  # error of interpolation in space / spread of the winds: 0.35 of 3.2 m/s on GFS fields
-INSTANTS = 64  # of the integral over the flight
 
 
 def known_for(cfg: WindConfig, readings: Readings, departure: str | None) -> float:
@@ -30,14 +30,8 @@ def displacement_variance(
 ) -> float:
     """Variance [m²] of the position, in one direction, after ``duration`` T [s] in the errors of the wind.
 
-    The sum of ::
-
-        Σ ∫∫ σ(s) σ(t) ρ(s, t) ds dt            forecasts, for each part of the law at their leads
-        b² T min(T, gap)                        interpolation in time, halfway in the longest gap
-        D(h) h²                                 the last field, held for h
-        (0.11 spread T)²                        interpolation in space, as on GFS fields
-        m² T²                                   the spread m of the members of an ensemble
-        noise_min² gust_time T                  gusts
+    An error of 0.11 of the spread of the winds (interpolation in space, on GFS fields) and the spread of the
+    members of an ensemble last over the flight; gusts have the variance noise_min² and the time gust_time.
 
     Parameters
     ----------
@@ -52,22 +46,9 @@ def displacement_variance(
     forecasts = bool(law.parts) and of_weather_model(cfg, readings)
     leads = assumed_leads(readings)[0] if forecasts else readings.leads
     law = law.for_winds(readings.level, spread).shared(readings.forecast_share)
-    t = (np.arange(INSTANTS) + 0.5) * duration / INSTANTS
-    at, total = np.interp(zero + t, times, np.nan_to_num(leads)), 0.0
-    for part in law.parts if np.isfinite(leads).any() else ():
-        total += float(part.covariance(at, part.variance(at)).sum()) * (duration / INSTANTS) ** 2
-    during = times[(times >= zero) & (times <= zero + duration)]
-    around = np.unique(
-        np.concatenate([times[times <= zero][-1:], during, times[times > zero + duration][:1]])
-    )
-    if len(around) > 1:
-        gap = float(np.diff(around).max())
-        total += float(law.between_variance(np.array(0.5), np.array(gap))) * duration * min(duration, gap)
-    held = max(0.0, zero + duration - float(times[-1]))
-    total += float(law.change_variance(np.array(held))) * held**2
     member_variance = float((readings.members[0] ** 2).sum(axis=2).mean()) if readings.members else 0.0
     lasting = (SPACE_SHARE * spread) ** 2 + member_variance
-    return total + lasting * duration**2 + cfg.noise_min**2 * cfg.gust_time * duration
+    return drift_variance(law, times, leads, zero, duration, lasting, cfg.noise_min**2 * cfg.gust_time)
 
 
 def _zero(readings: Readings, departure: str | None) -> float:

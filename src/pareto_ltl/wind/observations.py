@@ -12,7 +12,7 @@ import numpy as np
 from careful_io.texts import probability_text
 from careful_io.times import HOUR, iso, seconds
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, rotate_vectors
+from pareto_ltl.support.arrays import FloatArray, IntArray, rotate_vectors
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import DEPTH, parse_level
 from pareto_ltl.support.sphere import on_sphere
@@ -27,12 +27,11 @@ from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene import Scene
 from wind_laws.change_law import Variability, reasons_text
 from wind_laws.error_law import ErrorLaw
-from wind_laws.places import farthest_points
+from wind_laws.places import thinned
 from wind_laws.variability import variability_of
 
 FEWEST_READINGS = 5  # required readings near the scene, at each time
 ENOUGH_READINGS = 40  # with fewer readings near the scene at a time, readings farther away are used too
-FAR_SHARE = 0.25  # of wind.max_points that is left to readings away from the map, if there are so many
 FIT_RADIUS = 500e3  # [m], about one correlation length of the 10 m wind over land
 HORIZON_ANGLE = np.deg2rad(45.0)  # readings farther away carry no information and are distorted in the plane
 OLDEST_ANALYSIS = 48 * HOUR  # before departure, of those that show how variable the wind is
@@ -314,22 +313,6 @@ def _more_readings(cfg: WindConfig, count: int) -> str:
             "the sample covers the contiguous United States; for another place see docs/wind.md, or wind=calm"
         )
     return "add readings near the scene" if count else "is the scene where the wind data is?"
-
-
-def thinned(points: FloatArray, beside: BoolArray, centre: FloatArray, limit: int) -> IntArray:
-    """Indices of at most ``limit`` of ``points`` (N, 2) [m]: those ``beside`` the scene, others spread.
-
-    At least ``FAR_SHARE`` is left to the others, which determine the scales of the fit; if too many are
-    beside the scene, an even selection of these.
-    """
-    if len(points) <= limit:
-        return np.arange(len(points))
-    own = np.flatnonzero(beside)
-    room = limit - min(len(points) - len(own), int(FAR_SHARE * limit))
-    if len(own) > room:
-        first = int(np.argmin(np.sum((points[own] - centre) ** 2, axis=1)))
-        own = own[farthest_points(points[own], room, first)]
-    return np.sort(farthest_points(points, limit, own))
 
 
 def _log_thinning(cfg: WindConfig, readings: Readings, counts: Sequence[tuple[int, int, int, int]]) -> None:

@@ -10,11 +10,12 @@ import numpy as np
 
 from careful_io.faults import Faults
 from careful_io.times import iso, seconds
-from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.levels import DEPTH, Level
 from pareto_ltl.support.sphere import wrap_longitude
 from pareto_ltl.wind.air import NodeAir
+from wind_laws.places import node_rows
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -183,26 +184,6 @@ def lead_text(lead: float) -> str:
 
 
 CALM = Readings(np.empty(0), (), (), geographic=False, files=(), remarks=(), origins=(), leads=np.empty(0))
-
-
-def node_rows(points: FloatArray, nodes: FloatArray) -> IntArray:
-    """Row in ``points`` (M, 2) of each of ``nodes`` (N, 2), which must all be in ``points``: (N,)."""
-    rows = {(lon, lat): row for row, (lon, lat) in enumerate(points.tolist())}
-    return np.array([rows[lon, lat] for lon, lat in nodes.tolist()], np.int64)
-
-
-def shared_nodes(points: Sequence[FloatArray], area: Sequence[Sequence[float]] | None = None) -> FloatArray:
-    """The nodes (N, 2) [deg] that all of ``points`` have, in the order of the first ones, inside ``area``."""
-    nodes = points[0]
-    for other in points[1:]:
-        if not np.array_equal(nodes, other):
-            known = set(map(tuple, other.tolist()))
-            nodes = np.array([node for node in nodes.tolist() if tuple(node) in known]).reshape(-1, 2)
-    if not area:
-        return nodes
-    import shapely
-
-    return nodes[shapely.contains_xy(shapely.Polygon(area), nodes)]
 
 
 def check_readings(

@@ -17,10 +17,9 @@ from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.levels import parse_level
 from pareto_ltl.support.sphere import on_sphere
 from pareto_ltl.wind.observations import FEWEST_READINGS
-from pareto_ltl.wind.readings import shared_nodes
 from pareto_ltl_apps.formats.csv_files import write_csv_table
 from pareto_ltl_apps.formats.settings import IngestConfig
-from wind_laws.places import farthest_points
+from wind_laws.places import farthest_points, shared_nodes
 
 NOAA = (
     "US National Oceanic and Atmospheric Administration (NOAA), public domain (17 U.S.C. 105); a selection, "
@@ -85,7 +84,11 @@ def common_nodes(readings: Readings, kept: IntArray, ingest: IngestConfig) -> Fl
 
     DataError if there are too few.
     """
-    nodes = np.unique(shared_nodes([readings.points[k] for k in kept], ingest.area), axis=0)
+    import shapely
+
+    nodes = np.unique(shared_nodes([readings.points[k] for k in kept]), axis=0)
+    if ingest.area:
+        nodes = nodes[shapely.contains_xy(shapely.Polygon(ingest.area), nodes)]
     if len(nodes) < FEWEST_READINGS:
         raise DataError(
             f"{len(nodes)} wind nodes lie in ingest.area at every time, expected at least {FEWEST_READINGS}; "

@@ -23,7 +23,7 @@ from pareto_ltl.extend import Snapshot
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.sphere import on_sphere
-from pareto_ltl.wind.readings import node_rows, shared_nodes
+from wind_laws.places import node_rows, shared_nodes
 
 EARTH_RADIUS = 6_371_000.0  # [m]
 FEWEST_NODES = 12
@@ -166,10 +166,12 @@ class MatchedFields:
     """
 
     def __init__(self, snapshots: Sequence[Snapshot], area: Sequence[Sequence[float]] | None) -> None:
-        points = [snap.points for snap in snapshots]
-        self.nodes = shared_nodes(points, area)
+        import shapely
+
+        shared = shared_nodes([snap.points for snap in snapshots])
+        self.nodes = shared[shapely.contains_xy(shapely.Polygon(area), shared)] if area else shared
         if len(self.nodes) < FEWEST_NODES:
-            found = f"{len(self.nodes)} of {len(shared_nodes(points))} nodes that all times share"
+            found = f"{len(self.nodes)} of {len(shared)} nodes that all times share"
             raise DataError(
                 f"{found} lie in the area, expected at least {FEWEST_NODES}; name another --area, or files "
                 "of one grid that cover it"

@@ -20,10 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from pareto_ltl.kernels import data as kd
-from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray
-from pareto_ltl.wind.records import WindField
-from wind_laws.records import FORECAST_PARTS, HELD, TIME
+from wind_laws.records import FORECAST_PARTS, HELD, TIME, UncertainWind
+from wind_laws.types import BoolArray, Float32Array, FloatArray, IntArray
 
 TILTS = np.array([0.0, 1.0, 2.0, 3.0])  # shifts of a quarter of the weighted draws each, see weighted_scales
 
@@ -67,8 +65,11 @@ class Scales(NamedTuple):
     change: FloatArray
 
 
-def error_tail(field: WindField, modes: kd.Modes) -> ErrorTail | None:
-    """The tail of the law of ``field`` in the epochs of ``modes``; None if no mode has one."""
+def error_tail(field: UncertainWind, slot: IntArray, epoch: IntArray) -> ErrorTail | None:
+    """The tail of the law of ``field``; None if no mode has one.
+
+    ``slot`` and ``epoch`` (S,) are the slot of the field and the epoch at each step of a flight.
+    """
     law = field.error
     if law is None or field.modes is None:
         return None
@@ -77,10 +78,10 @@ def error_tail(field: WindField, modes: kd.Modes) -> ErrorTail | None:
     changed = np.isin(part, [TIME, HELD]) & (change > 0.0)
     if not (scaled.any() or changed.any()):
         return None
-    _, first = np.unique(modes.epoch, return_index=True)
+    _, first = np.unique(epoch, return_index=True)
     if tail is None:
         return ErrorTail(0.0, np.zeros(len(first)), np.zeros(len(first)), scaled, change, changed)
-    slot = modes.slot[first]
+    slot = slot[first]
     moment = np.interp(np.nan_to_num(field.leads[slot]), tail.leads, tail.moment)
     times = np.minimum(field.times[slot], field.last_field)
     kept = np.append(0.0, np.exp(-np.diff(times) / tail.memory))
