@@ -1,8 +1,7 @@
 """A wind field conditioned on position fixes: the expected wind changes, and the uncertainty decreases.
 
-At time 0 θ ~ N(m, I - B' B) instead of N(0, I). A part of the error with the persistence ρ from
-there to a slot then has m_slot = ρ m and, with R = diag(ρ) of all modes, Cov = I - R B' B R in that slot, so
-that
+At time 0 θ ~ N(m, I - B' B) instead of N(0, I). A part of the error with the persistence ρ from there to a
+slot then has m_slot = ρ m and, with R = diag(ρ) of all modes, Cov = I - R B' B R in that slot, so that
 
     μ  <-  μ + ψ' R m,        ψ  <-  ψ (I - R B' B R)^½,
 

@@ -8,9 +8,7 @@ import numpy as np
 
 from wind_laws.types import BoolArray, FloatArray, IntArray
 
-FAR_SHARE = (
-    0.25  # of the places in a selection that is left to those away from a region, if there are so many
-)
+FAR_SHARE = 0.25  # of a selection that is left to places away from its region, if there are so many
 
 
 def pairwise_distances(a: FloatArray, b: FloatArray) -> FloatArray:
