@@ -71,6 +71,7 @@ NOT_BY_DAY = [
     "cli/test_rerun",
     "cli/test_wind_error",
     "cli/test_wind_table",
+    "inflight/test_beacons",
     "inflight/test_command",
     "inflight/test_link",
     "inflight/test_mavsdk",
@@ -128,7 +129,6 @@ NOT_BY_DAY = [
     "serve/test_desk_browser",
     "serve/test_limits",
     "settings/test_odd_values",
-    "simulation/test_beacons",
     "simulation/test_coherent_flights",
     "simulation/test_common_flights::test_flights_with_fixes_steer_by_them_in_linear_winds",
     "simulation/test_error_tail::test_weighted_flights_agree_with_plain_ones",
@@ -228,7 +228,7 @@ FEWER: dict[str, tuple[int, str]] = {
     "serve/test_desk_browser::test_a_mission_is_drawn_planned_chosen_exported_and_replanned": (
         1, "wide; the narrow page is opened, drawn on and read by the other tests of the desk",
     ),
-    "simulation/test_beacons::test_the_best_place_saves_what_a_landmark_there_saves": (
+    "inflight/test_beacons::test_the_best_place_saves_what_a_landmark_there_saves": (
         0, "38 s, one command: fixes are tested in planning/test_landmarks and simulation/test_fixes",
     ),
     "studies/test_replanning::test_on_a_map_with_landmarks_the_plan_made_without_them_is_flown_too": (

@@ -63,7 +63,6 @@ from pareto_ltl.settings.heights import Height as Height
 from pareto_ltl.settings.wind import WindFormats as WindFormats
 from pareto_ltl.settings.wind import WindSource as WindSource
 from pareto_ltl.settings.wind import wind_sources as wind_sources
-from pareto_ltl.simulation.beacons import BeaconMap as BeaconMap
 from pareto_ltl.simulation.common_flights import DrawnFlights as DrawnFlights
 from pareto_ltl.simulation.common_flights import draw_flights as draw_flights
 from pareto_ltl.simulation.failure_modes import FlightEvent as FlightEvent

@@ -23,7 +23,7 @@ from pareto_ltl.planning.pack_logic import Reading, pack_corners
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.turns import Turns, TurnsOnTheSpot
 from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
-from pareto_ltl.settings import FidelityConfig
+from pareto_ltl.settings import FidelityConfig, RobotConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.world.cells import Decomposition
@@ -184,6 +184,15 @@ class Problem(Displayed):
             laws[name] = plain._replace(motion=motion_with_feedback(plain.motion, time))
         world = self.world._replace(law=laws[self.fidelity.law])
         return replace(self, laws=laws, world=world)
+
+    def with_beacons(self, robot: RobotConfig, middles: FloatArray, radius: float) -> Problem:
+        """The problem with further landmarks: discs of ``radius`` [m] about ``middles`` (N, 2) [m].
+
+        ConfigError if ``robot`` takes no position fixes.
+        """
+        from pareto_ltl.planning.pack import disc, with_landmarks
+
+        return with_landmarks(self, robot, [disc(middle, radius) for middle in middles])
 
     def own_errors(self, law: str) -> kd.RobotErrors:
         """The law of the robot's own errors under the wind law ``law``; none under the independent law."""
