@@ -101,7 +101,7 @@ NOT_BY_DAY = [
     "report/test_page_browser",
     "report/test_limits",
     "report/test_texts",
-    "run/test_branches",
+    "branching/test_branches",
     "run/test_choosing",
     "run/test_compile_time::test_ctrl_c_while_it_compiles_leaves_no_process_and_no_broken_code",
     "run/test_directory",
@@ -116,10 +116,10 @@ NOT_BY_DAY = [
     "run/test_pipeline::test_where_refinement_finds_nothing_that_can_be_flown_the_paths_of_the_trees_stay",
     "run/test_received_results",
     "run/test_recorded_branches",
-    "run/test_rejoin",
+    "branching/test_rejoin",
     "run/test_replan_inputs",
     "run/test_replanning",
-    "run/test_second_branches",
+    "branching/test_second_branches",
     "run/test_steering",
     "run/test_vehicles",
     "run/test_warmup",
@@ -172,8 +172,8 @@ NOT_BY_DAY = [
 ]
 IN_EVERY_PART = ["test_golden", "verify/test_verify"]  # the plans of the paper, and the checker of every plan
 SECONDS = {  # of the longest modules of two processes on two cores, so that parts take equally long
-    "run/test_branches": 60, "run/test_rejoin": 87, "serve/test_desk_browser": 80, "serve/test_desk_api": 87,
-    "run/test_faults": 72, "cli/test_hydra_app": 72, "run/test_whole_jobs": 52,
+    "branching/test_branches": 60, "branching/test_rejoin": 87, "serve/test_desk_browser": 80,
+    "serve/test_desk_api": 87, "run/test_faults": 72, "cli/test_hydra_app": 72, "run/test_whole_jobs": 52,
     "run/test_replan_inputs": 60, "studies/test_sweeps": 60,
     "run/test_nothing_received_acts": 61, "wind/test_sources": 59, "kernels/test_code_cache": 56,
     "cli/test_commands": 50, "fuzz/test_fuzz": 52, "test_documented_commands": 49, "test_examples": 50,
@@ -184,7 +184,7 @@ USUAL_SECONDS = 15  # of a module that is not by day
 ONLY_AT_NIGHT = [
     "planning/test_uncompiled_plans",
     "run/test_documents",
-    "run/test_second_branches",  # two and a half minutes; its files and claims are met in test_rejoin
+    "branching/test_second_branches",  # two and a half minutes; its files and claims are met in test_rejoin
     "studies/test_sweep_slurm",  # needs four packages of Debian; the same sweep runs with submitit before
     "test_machine_code_wheel",
 ]
@@ -278,10 +278,10 @@ FEWER: dict[str, tuple[int, str]] = {
         0, "wind/test_live_models reads these files, and the current of HYCOM is sailed there",
     ),
     "inflight/test_command::test_a_killed_process_is_resumed": (
-        0, "15 s: a watch is resumed from its journal in run/test_branches",
+        0, "15 s: a watch is resumed from its journal in branching/test_branches",
     ),
-    "run/test_branches::test_a_fix_that_says_nothing_gives_no_branches": (
-        0, "15 s: a plan stays as it is where branches change nothing, simulation/test_tree_flights",
+    "branching/test_branches::test_a_fix_that_says_nothing_gives_no_branches": (
+        0, "15 s: a plan stays as it is where branches change nothing, branching/test_tree_flights",
     ),
     "run/test_faults::test_a_sweep_that_was_killed_at_any_moment_is_finished_by_the_same_command": (
         0, "26 s: a killed run is made again there, and studies/test_sweeps kills jobs of a sweep",

@@ -76,6 +76,29 @@ class Joint:
     now: FloatArray
     errors: kd.RobotErrors
 
+    @classmethod
+    def at(cls, problem: Problem, x: FloatArray, step: int, fixes: Sequence[Fix]) -> Joint:
+        """The covariances of the deviations at ``fixes``, and of position, θ and own errors at ``step``.
+
+        If the plan counted on fixes at landmarks, the positions that they measured are not known here: the
+        prior of θ stays N(0, I). One fix at ``step`` itself uses the covariance that the plan expects; more
+        fixes, or earlier ones, use the covariance of a flight without landmarks.
+        """
+        at = [fix.step for fix in fixes]
+        alone = at == [step]
+        law = problem.world.law if alone else unaided(problem.world.law)
+        flight = propagate(problem, x[: step + 1], law)
+        cov = square_matrices(flight.cov)
+        cross = np.concatenate([_theta_at(law, flight, t, step) for t in at])
+        now, errors = flight.errors.cross[step], flight.errors.law
+        if alone:
+            return cls(x[step], cov[step], cov[step], cov[step], cross, now, now, errors)
+        across = _across_time(law, flight)
+        among = np.block([[across[t, s] if t >= s else across[s, t].T for s in at] for t in at])
+        to = np.hstack([across[step, t] for t in at])
+        own = np.concatenate([flight.errors.cross[t] for t in at])
+        return cls(x[step], cov[step], among, to, cross, own, now, errors)
+
 
 @dataclass(frozen=True, slots=True)
 class Learnt:
@@ -118,7 +141,7 @@ class Learnt:
         Without fixes the position that the law expects, which is not conditioned.
         """
         if fixes:
-            return learn(joint_at(problem, x, step, fixes), x[[fix.step for fix in fixes]], fixes)
+            return learn(Joint.at(problem, x, step, fixes), x[[fix.step for fix in fixes]], fixes)
         flight = propagate(problem, x[: step + 1])
         cov = square_matrices(flight.cov)[step]
         modes, own = problem.modes.psi.shape[-1], errors_of(problem.world.law)
@@ -130,6 +153,20 @@ class Learnt:
     def at_place(self, place: FloatArray, sd: float) -> Learnt:
         """The same for a robot at ``place`` (2,) [m], with an independent error ``sd`` [m]."""
         return replace(self, mean=place, cov=sd**2 * np.eye(2), shared=np.zeros_like(self.shared))
+
+    def start_of(self, problem: Problem) -> Problem:
+        """``problem``, which begins at ``mean``, with what is known of that position and of the own errors.
+
+        The spread of the start is the largest that the own errors do not explain, in every direction.
+        """
+        errors = own_errors(self)
+        laws: dict[str, kd.Law] = {
+            name: law if isinstance(law, kd.IndependentLaw) else law._replace(errors=errors)
+            for name, law in problem.laws.items()
+        }
+        spread = float(np.linalg.eigvalsh(self.cov - errors.start @ errors.start.T)[-1])
+        world = problem.world._replace(law=laws[problem.fidelity.law])
+        return replace(problem, laws=laws, world=world, start_variance=max(spread, 0.0))
 
     @property
     def sd(self) -> float:
@@ -175,27 +212,16 @@ def learn(prior: Joint, means: FloatArray, fixes: Sequence[Fix]) -> Learnt:
     )  # fmt: skip
 
 
-def joint_at(problem: Problem, x: FloatArray, step: int, fixes: Sequence[Fix]) -> Joint:
-    """The covariances of the deviations at ``fixes``, and of position, θ and own errors at ``step``.
-
-    If the plan counted on fixes at landmarks, the positions that they measured are not known here: the prior
-    of θ stays N(0, I). One fix at ``step`` itself uses the covariance that the plan expects; more fixes, or
-    earlier ones, use the covariance of a flight without landmarks.
-    """
-    at = [fix.step for fix in fixes]
-    alone = at == [step]
-    law = problem.world.law if alone else unaided(problem.world.law)
-    flight = propagate(problem, x[: step + 1], law)
-    cov = square_matrices(flight.cov)
-    cross = np.concatenate([_theta_at(law, flight, t, step) for t in at])
-    now, errors = flight.errors.cross[step], flight.errors.law
-    if alone:
-        return Joint(x[step], cov[step], cov[step], cov[step], cross, now, now, errors)
-    across = _across_time(law, flight)
-    among = np.block([[across[t, s] if t >= s else across[s, t].T for s in at] for t in at])
-    to = np.hstack([across[step, t] for t in at])
-    own = np.concatenate([flight.errors.cross[t] for t in at])
-    return Joint(x[step], cov[step], among, to, cross, own, now, errors)
+def own_errors(learnt: Learnt) -> kd.RobotErrors:
+    """The law of the robot's own errors after the fixes, with their covariance with the position."""
+    if not len(learnt.errors):
+        return kd.EXACT
+    value, vector = np.linalg.eigh(learnt.errors_cov)
+    root = vector * np.sqrt(np.maximum(value, 1e-12 * max(float(value.max()), 1e-30)))
+    _, upper = np.linalg.qr(root.T)  # a lower triangular root: root root' = R' R
+    lower = upper.T * np.where(np.diag(upper) < 0.0, -1.0, 1.0)
+    start = np.linalg.solve(lower, learnt.shared.T).T
+    return kd.RobotErrors(learnt.errors, np.ascontiguousarray(lower), np.ascontiguousarray(start))
 
 
 def _across_time(law: kd.Law, flight: Flight) -> FloatArray:

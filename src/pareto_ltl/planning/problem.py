@@ -31,6 +31,8 @@ from pareto_ltl.world.scene import Scene
 from plane_kernels.types import Cells, Corners, Faces
 
 if TYPE_CHECKING:
+    from pareto_ltl.kernels.path import Flight
+    from pareto_ltl.planning.limits import WorstSegment
     from pareto_ltl.planning.records import Forest, PlannedPath
     from plane_kernels.supporting_lines import SegmentLines
 
@@ -241,6 +243,36 @@ class Problem(Displayed):
         from pareto_ltl.planning.refine.separation import keeps_epsilon
 
         return keeps_epsilon(self, path)
+
+    @property
+    def allowed_risk(self) -> float:
+        """``planner.epsilon``, the largest risk of a collision in a segment; inf without a limit."""
+        from pareto_ltl.planning.refine.separation import allowed_risk
+
+        return allowed_risk(self)
+
+    def segment_risks(self, flight: Flight) -> FloatArray:
+        """The probability of a collision in each segment (T,) of ``flight``."""
+        from pareto_ltl.planning.refine.separation import separation
+
+        return np.asarray(separation(self, flight).risk, float)
+
+    def worst_segment(self, path: PlannedPath) -> WorstSegment:
+        """The segment of ``path`` that is most likely to collide, and its closest barrier."""
+        from pareto_ltl.planning.refine.separation import worst_segment
+
+        return worst_segment(self, path)
+
+    def mission_order(self, q: IntArray, cell: IntArray, begun: int | None = None) -> str:
+        """The letters at which the automaton state changes, in order: ``a>b>c``.
+
+        Propositions that hold together are joined by ``+``; ``-`` is the empty letter. ``q``, ``cell``
+        (T+1,) are states and cells; ``begun`` is the state before them, by default the initial one.
+        """
+        before = np.concatenate([[self.automaton.initial if begun is None else begun], q[:-1]])
+        atoms = frozenset(self.atoms)
+        letters = (self.labels[cell[t]] & atoms for t in np.flatnonzero(q != before))
+        return ">".join("+".join(sorted(letter)) or "-" for letter in letters)
 
     def grown_paths(self, forest: Forest) -> tuple[PlannedPath, ...]:
         """Accepted paths of the trees, no two of the same mission order and similar length."""

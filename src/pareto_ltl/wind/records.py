@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pareto_ltl.support.arrays import FloatArray, IntArray, require_shape
+from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray, require_shape
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.wind.air import MapAir
 from pareto_ltl.wind.error_law import FORECAST as FORECAST_PART
@@ -317,6 +317,18 @@ class WindField(Displayed):
         from pareto_ltl.wind.conditioned import conditioned_field
 
         return conditioned_field(self, theta, known)
+
+    def coefficients_given(
+        self, theta: Float32Array, slots: IntArray, expected: FloatArray, known: FloatArray
+    ) -> Float32Array:
+        """θ (E, n, 2, P) of winds of this field as coefficients of the modes of the field :meth:`given`.
+
+        ``slots`` (E,) are of that field, ``known`` is as there; ``expected`` (2, P) or (n, 2, P) is the
+        expected θ, of all winds or of each.
+        """
+        from pareto_ltl.wind.conditioned import conditioned_coefficients
+
+        return conditioned_coefficients(self, theta, slots, expected, known)
 
     def time_variance(self, t: FloatArray) -> FloatArray:
         """Variance [m²/s²] of interpolation in time at times ``t`` (S,) [s since time_zero], shape (S,).
