@@ -2,6 +2,7 @@ from ltlf import Formula as Formula
 from ltlf import TransitionTable as TransitionTable
 from ltlf import letter_codes as letter_codes
 from ltlf import show_letter as show_letter
+from pareto_ltl.kernels.data import RobotErrors as RobotErrors
 from pareto_ltl.kernels.path import Flight as Flight
 from pareto_ltl.logic.automaton import Automaton as Automaton
 from pareto_ltl.logic.automaton import alphabet_of as alphabet_of
@@ -18,9 +19,6 @@ from pareto_ltl.planning.branching.records import TreeRow as TreeRow
 from pareto_ltl.planning.branching.records import cells_of as cells_of
 from pareto_ltl.planning.branching.records import plan_on_branch as plan_on_branch
 from pareto_ltl.planning.branching.records import plans_on_branches as plans_on_branches
-from pareto_ltl.planning.conditioning import Fix as Fix
-from pareto_ltl.planning.conditioning import Joint as Joint
-from pareto_ltl.planning.conditioning import Learnt as Learnt
 from pareto_ltl.planning.cost import Cost as Cost
 from pareto_ltl.planning.costs import cost_named as cost_named
 from pareto_ltl.planning.costs import known_costs as known_costs

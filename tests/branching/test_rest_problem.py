@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pareto_ltl.kernels import data as kd
-from pareto_ltl.planning.conditioning import own_errors
+from pareto_ltl.planning.problem import errors_with
 from pareto_ltl.wind import conditioned
 from pareto_ltl.wind.records import WindField
 from pareto_ltl_apps.branching.rest_problem import Rest
@@ -22,18 +22,17 @@ from pareto_ltl_apps.branching.rest_problem import Rest
 def test_own_errors_have_the_covariances_that_were_learnt(seed: int) -> None:
     rng = np.random.default_rng(seed)
     mean, root, apart = rng.normal(size=3), rng.normal(size=(3, 3)), rng.normal(size=(2, 3))
-    learnt: Any = SimpleNamespace(errors=mean, errors_cov=root @ root.T, shared=apart @ root.T)
-    errors = own_errors(learnt)
+    cov, shared = root @ root.T, apart @ root.T
+    errors = errors_with(mean, cov, shared)
     np.testing.assert_array_equal(errors.mean, mean)
-    np.testing.assert_allclose(errors.root @ errors.root.T, learnt.errors_cov, atol=1e-9)
-    np.testing.assert_allclose(errors.start @ errors.root.T, learnt.shared, atol=1e-6)
+    np.testing.assert_allclose(errors.root @ errors.root.T, cov, atol=1e-9)
+    np.testing.assert_allclose(errors.start @ errors.root.T, shared, atol=1e-6)
     np.testing.assert_allclose(errors.root, np.tril(errors.root), atol=1e-12)
     assert (np.diag(errors.root) > 0.0).all()
 
 
 def test_a_robot_without_errors_has_none_in_a_cell() -> None:
-    learnt: Any = SimpleNamespace(errors=np.zeros(0))
-    assert own_errors(learnt) is kd.EXACT
+    assert errors_with(np.zeros(0), np.zeros((0, 0)), np.zeros((2, 0))) is kd.EXACT
 
 
 @pytest.mark.parametrize("rows", [1, 3])

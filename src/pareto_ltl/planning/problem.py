@@ -200,6 +200,29 @@ class Problem(Displayed):
         """The law of the robot's own errors under the wind law ``law``; none under the independent law."""
         return errors_of(self.laws[law])
 
+    def without_fixes(self) -> Problem:
+        """The problem of a robot that takes no position fixes at landmarks."""
+        laws: dict[str, kd.Law] = {name: unaided(law) for name, law in self.laws.items()}
+        return replace(self, laws=laws, world=self.world._replace(law=laws[self.fidelity.law]))
+
+    def with_start(
+        self, cov: FloatArray, errors: FloatArray, errors_cov: FloatArray, shared: FloatArray
+    ) -> Problem:
+        """The problem with another law of the position at the start and of the robot's own errors.
+
+        ``cov`` (2, 2) [m²] is the covariance of the position, ``errors`` (Q,) and ``errors_cov`` (Q, Q) are
+        mean and covariance of the own errors, ``shared`` (2, Q) is the one of both. What of ``cov`` the own
+        errors do not explain is taken in every direction as in its largest.
+        """
+        own = errors_with(errors, errors_cov, shared)
+        laws: dict[str, kd.Law] = {
+            name: law if isinstance(law, kd.IndependentLaw) else law._replace(errors=own)
+            for name, law in self.laws.items()
+        }
+        spread = float(np.linalg.eigvalsh(cov - own.start @ own.start.T)[-1])
+        world = self.world._replace(law=laws[self.fidelity.law])
+        return replace(self, laws=laws, world=world, start_variance=max(spread, 0.0))
+
     def from_known_place(self) -> Problem:
         """The problem of a robot that starts where the map says, exactly, and takes no fixes."""
         law = unaided(self.world.law)
@@ -311,6 +334,18 @@ def feedback_shares(time: float | None, dt: float) -> tuple[float, float]:
 def errors_of(law: kd.Law) -> kd.RobotErrors:
     """The law of the robot's own errors; none under the independent law."""
     return kd.EXACT if isinstance(law, kd.IndependentLaw) else law.errors
+
+
+def errors_with(mean: FloatArray, cov: FloatArray, shared: FloatArray) -> kd.RobotErrors:
+    """The law of own errors with ``mean`` (Q,), ``cov`` (Q, Q), and ``shared`` (2, Q) with the start."""
+    if not len(mean):
+        return kd.EXACT
+    value, vector = np.linalg.eigh(cov)
+    root = vector * np.sqrt(np.maximum(value, 1e-12 * max(float(value.max()), 1e-30)))
+    _, upper = np.linalg.qr(root.T)  # a lower triangular root: root root' = R' R
+    lower = upper.T * np.where(np.diag(upper) < 0.0, -1.0, 1.0)
+    start = np.linalg.solve(lower, shared.T).T
+    return kd.RobotErrors(mean, np.ascontiguousarray(lower), np.ascontiguousarray(start))
 
 
 def unaided(law: kd.Law) -> kd.IndependentLaw | kd.CoherentLaw:

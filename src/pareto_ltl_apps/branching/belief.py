@@ -30,15 +30,13 @@ import numpy as np
 from pareto_ltl.extend import (
     BranchFix,
     Cell,
-    Fix,
-    Joint,
-    Learnt,
     Problem,
     cross_covariance,
     evaluate,
 )
 from pareto_ltl.support.arrays import FloatArray, square_matrices
 from pareto_ltl_apps.branching.moments import Moments, cell_moments
+from pareto_ltl_apps.conditioning import Fix, Joint, Learnt
 
 if TYPE_CHECKING:
     from pareto_ltl.extend import Flight

@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl import Run, WindField
-from pareto_ltl.extend import DrawnFlights, Joint, Learnt, Problem, build_problem
+from pareto_ltl.extend import DrawnFlights, Problem, build_problem
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
+from pareto_ltl_apps.conditioning import Joint, Learnt
 
 
 class Countered(NamedTuple):

@@ -23,7 +23,6 @@ from pareto_ltl import Run
 from pareto_ltl.extend import (
     BranchFix,
     Cell,
-    Learnt,
     PlannedPath,
     Problem,
     SelectionConfig,
@@ -39,6 +38,7 @@ from pareto_ltl_apps.branching.moments import EVERYWHERE, Ends, Moments
 from pareto_ltl_apps.branching.rest_problem import Countered, rest_of_flight
 from pareto_ltl_apps.branching.settings import BranchConfig
 from pareto_ltl_apps.branching.tree_flights import TRUNK, TreeFlights, whole_controls
+from pareto_ltl_apps.conditioning import Learnt
 
 LOG = logging.getLogger("pareto_ltl.branching.tree_search")
 SMALL = SelectionConfig.SMALL  # failure rate below which a lower one is worth little length

@@ -20,7 +20,6 @@ from careful_io.messages import shown_text
 from careful_io.texts import distance_text
 from pareto_ltl import Readings, Run, Scene, Settings, WindField
 from pareto_ltl.extend import (
-    Learnt,
     MissionConfig,
     PlannedPath,
     PowerConfig,
@@ -33,6 +32,7 @@ from pareto_ltl.extend import (
 from pareto_ltl.support.arrays import FloatArray, length_of, square_matrices
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl_apps.branching.settings import BranchConfig
+from pareto_ltl_apps.conditioning import Learnt
 from pareto_ltl_apps.flight.known_errors import robot_given
 from pareto_ltl_apps.flight.position_fixes import FAR, Situation, chance
 from pareto_ltl_apps.formats.content import source_of_path
