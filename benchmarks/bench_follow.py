@@ -13,7 +13,7 @@ import pytest
 from numpy.random import SeedSequence
 
 import pareto_ltl
-from pareto_ltl.planning.conditioning import Fix
+from pareto_ltl_apps.conditioning import Fix
 from pareto_ltl_apps.flight.belief import Belief
 from pareto_ltl_apps.flight.following import follow
 from pareto_ltl_apps.flight.replanning import replanned

@@ -34,15 +34,14 @@ from numpy.random import SeedSequence
 
 from corpus.missions import missions
 from corpus.running import read_rows
-from pareto_ltl.planning.branching.records import Branching
-from pareto_ltl.planning.records import Plan
-from pareto_ltl.planning.selection_rules import SMALL
-from pareto_ltl.run.plan_run import Run
-from pareto_ltl.run.plan_stage import branched
-from pareto_ltl.settings import BranchConfig
-from pareto_ltl.simulation.tree_flights import TreeFlights, fly_branches
+from pareto_ltl import Run
+from pareto_ltl.extend import Branching, Plan
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl_apps.branching.settings import BranchConfig
+from pareto_ltl_apps.branching.stage import branched_plan
+from pareto_ltl_apps.branching.tree_flights import TreeFlights, fly_branches
+from pareto_ltl_apps.branching.tree_search import SMALL
 from pareto_ltl_apps.studies.replanning import (
     ReplanningContext,
     Way,
@@ -93,7 +92,7 @@ def with_branches(run: Run, plan: Plan, at: Sequence[int], fit_trunk: bool, *, r
     branch = BranchConfig(
         leaves=LEAVES, at=hours, fixes=len(at), fix_sd=error_of(run), fit_trunk=fit_trunk, rejoin=rejoin
     )
-    return branched(run.with_settings(replace(run.settings, branch=branch)), plan)
+    return branched_plan(run.with_settings(run.settings.with_sections(branch)), plan)
 
 
 def error_of(run: Run) -> float:

@@ -16,7 +16,7 @@ from joblib import Parallel, delayed
 
 from compare_prices import failure
 from pareto_ltl import Scene, Settings, beacons, load_results
-from pareto_ltl.simulation.beacons import disc
+from pareto_ltl.planning.pack import disc
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl_apps.flight.rest_of_flight import prompt_settings
 

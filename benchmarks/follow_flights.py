@@ -26,7 +26,6 @@ from joblib import Parallel, delayed
 from numpy.random import SeedSequence
 
 from pareto_ltl.extend import Deployment, DrawnFlights, Frame, draw_flights
-from pareto_ltl.planning.conditioning import Fix
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.run.plan_run import Run
@@ -36,6 +35,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson, paired_difference
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl_apps.cli.commands import run_command_line
+from pareto_ltl_apps.conditioning import Fix
 from pareto_ltl_apps.exports.navigation_log import navigation_log
 from pareto_ltl_apps.flight.belief import LAW, Belief
 from pareto_ltl_apps.flight.replanning import replanned

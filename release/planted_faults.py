@@ -101,7 +101,7 @@ FAULTS = (
         of_tests("tests/test_language.py"), "told apart",
     ),
     Fault(
-        "settings", "a default that changed", f"{CORE}/settings/planner.py",
+        "settings", "a default that changed", f"{APPS}/branching/settings.py",
         "rejoin: bool = setting(\n        True", "rejoin: bool = setting(\n        False",
         of_tests("tests/settings/test_declared.py"), "branch.rejoin",
     ),
@@ -143,9 +143,9 @@ FAULTS = (
         of_tests("tests/kernels/test_geometry.py", "-k", "segment", uncompiled=True), "IndexError|assert",
     ),
     Fault(
-        "two roads", "a sign in the law of a cell", f"{CORE}/planning/branching/cells.py",
+        "two roads", "a sign in the law of a cell", f"{APPS}/branching/moments.py",
         "cov - np.outer(slope, slope)", "cov + np.outer(slope, slope)",
-        of_tests("tests/planning/test_branch_cells.py"), "FAILED",
+        of_tests("tests/branching/test_branch_cells.py"), "FAILED",
     ),
     Fault(
         "fuzz", "a reader that raises what nobody expects", f"{APPS}/flight/telemetry.py",
@@ -165,7 +165,8 @@ FAULTS = (
     Fault(
         "checker", "a claim that always holds", f"{VERIFY}/claims/branches.py", REPORTED,
         REPORTED + "False and ",
-        of_tests("tests/run/test_branches.py", "-k", "lie_about_branches and words"), "FAILED", slow=True,
+        of_tests("tests/branching/test_branches.py", "-k", "lie_about_branches and words"), "FAILED",
+        slow=True,
     ),
 )  # fmt: skip
 

@@ -73,6 +73,7 @@ NOT_BY_DAY = [
     "cli/test_rerun",
     "cli/test_wind_error",
     "cli/test_wind_table",
+    "inflight/test_beacons",
     "inflight/test_command",
     "inflight/test_link",
     "inflight/test_mavsdk",
@@ -102,7 +103,7 @@ NOT_BY_DAY = [
     "report/test_page_browser",
     "report/test_limits",
     "report/test_texts",
-    "run/test_branches",
+    "branching/test_branches",
     "run/test_choosing",
     "run/test_compile_time::test_ctrl_c_while_it_compiles_leaves_no_process_and_no_broken_code",
     "run/test_directory",
@@ -117,10 +118,10 @@ NOT_BY_DAY = [
     "run/test_pipeline::test_where_refinement_finds_nothing_that_can_be_flown_the_paths_of_the_trees_stay",
     "run/test_received_results",
     "run/test_recorded_branches",
-    "run/test_rejoin",
+    "branching/test_rejoin",
     "run/test_replan_inputs",
     "run/test_replanning",
-    "run/test_second_branches",
+    "branching/test_second_branches",
     "run/test_steering",
     "run/test_vehicles",
     "run/test_warmup",
@@ -130,7 +131,6 @@ NOT_BY_DAY = [
     "serve/test_desk_browser",
     "serve/test_limits",
     "settings/test_odd_values",
-    "simulation/test_beacons",
     "simulation/test_coherent_flights",
     "simulation/test_common_flights::test_flights_with_fixes_steer_by_them_in_linear_winds",
     "simulation/test_error_tail::test_weighted_flights_agree_with_plain_ones",
@@ -174,8 +174,8 @@ NOT_BY_DAY = [
 ]
 IN_EVERY_PART = ["test_golden", "verify/test_verify"]  # the plans of the paper, and the checker of every plan
 SECONDS = {  # of the longest modules of two processes on two cores, so that parts take equally long
-    "run/test_branches": 60, "run/test_rejoin": 87, "serve/test_desk_browser": 80, "serve/test_desk_api": 87,
-    "run/test_faults": 72, "cli/test_hydra_app": 72, "run/test_whole_jobs": 52,
+    "branching/test_branches": 60, "branching/test_rejoin": 87, "serve/test_desk_browser": 80,
+    "serve/test_desk_api": 87, "run/test_faults": 72, "cli/test_hydra_app": 72, "run/test_whole_jobs": 52,
     "run/test_replan_inputs": 60, "studies/test_sweeps": 60,
     "run/test_nothing_received_acts": 61, "wind/test_sources": 59, "kernels/test_code_cache": 56,
     "cli/test_commands": 50, "fuzz/test_fuzz": 52, "test_documented_commands": 49, "test_examples": 50,
@@ -186,7 +186,7 @@ USUAL_SECONDS = 15  # of a module that is not by day
 ONLY_AT_NIGHT = [
     "planning/test_uncompiled_plans",
     "run/test_documents",
-    "run/test_second_branches",  # two and a half minutes; its files and claims are met in test_rejoin
+    "branching/test_second_branches",  # two and a half minutes; its files and claims are met in test_rejoin
     "studies/test_sweep_slurm",  # needs four packages of Debian; the same sweep runs with submitit before
     "test_machine_code_wheel",
 ]
@@ -230,7 +230,7 @@ FEWER: dict[str, tuple[int, str]] = {
     "serve/test_desk_browser::test_a_mission_is_drawn_planned_chosen_exported_and_replanned": (
         1, "wide; the narrow page is opened, drawn on and read by the other tests of the desk",
     ),
-    "simulation/test_beacons::test_the_best_place_saves_what_a_landmark_there_saves": (
+    "inflight/test_beacons::test_the_best_place_saves_what_a_landmark_there_saves": (
         0, "38 s, one command: fixes are tested in planning/test_landmarks and simulation/test_fixes",
     ),
     "studies/test_replanning::test_on_a_map_with_landmarks_the_plan_made_without_them_is_flown_too": (
@@ -280,10 +280,10 @@ FEWER: dict[str, tuple[int, str]] = {
         0, "wind/test_live_models reads these files, and the current of HYCOM is sailed there",
     ),
     "inflight/test_command::test_a_killed_process_is_resumed": (
-        0, "15 s: a watch is resumed from its journal in run/test_branches",
+        0, "15 s: a watch is resumed from its journal in branching/test_branches",
     ),
-    "run/test_branches::test_a_fix_that_says_nothing_gives_no_branches": (
-        0, "15 s: a plan stays as it is where branches change nothing, simulation/test_tree_flights",
+    "branching/test_branches::test_a_fix_that_says_nothing_gives_no_branches": (
+        0, "15 s: a plan stays as it is where branches change nothing, branching/test_tree_flights",
     ),
     "run/test_faults::test_a_sweep_that_was_killed_at_any_moment_is_finished_by_the_same_command": (
         0, "26 s: a killed run is made again there, and studies/test_sweeps kills jobs of a sweep",

@@ -3,7 +3,9 @@
 - A run and its records: ``Pipeline``, ``planned_run``, ``Record``, ``record``, ``Study``, ``UnpricedRun``;
   ``Plan``, ``Front``, ``Forest``, ``Problem``, ``Decomposition``, ``Automaton``, ``Deployment``, their parts.
 - Flights: ``evaluate`` a path or controls, ``draw_flights`` and ``simulate_flights``, ``which_fail``, samples
-  and rates of any event; ``Learnt`` from position ``Fix``; wind at a place: ``LocalWind``, ``LinearWind``.
+  and rates of any event; wind at a place: ``LocalWind``, ``LinearWind``.
+- Planning again: ``build_problem`` of other records, ``search_paths`` on which given flights seldom fail,
+  ``evaluate_path``, ``fresh_promise``; a ``PlanAddition`` to plans, e.g. their ``Branching`` with its parts.
 - Kinds: ``Cost``; ``WindSource``, with what a reader of winds returns (``Snapshot``, ``readings_of``) and is
   asked for (``Wanted``, ``GeoBox``); readers of maps (``MapFormats``, ``SceneSketch``) and of automata
   (``AutomatonFormats``); laws of wind errors.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pareto_ltl_apps.branching.settings import BranchConfig
 from pareto_ltl_apps.exports.settings import ExportsConfig
 from pareto_ltl_apps.formats.settings import IngestConfig
 from pareto_ltl_apps.preflight.settings import LimitsConfig
@@ -23,5 +24,5 @@ from pareto_ltl_apps.view.settings import ReportConfig
 SECTIONS = (
     ExportsConfig, ReportConfig, LimitsConfig, IngestConfig, EvaluationConfig, CompareConfig,
     ConvergenceConfig, AblationConfig, HindcastConfig, ForecastTestConfig, DepartureConfig, LevelsConfig,
-    ReplanningConfig, SitlConfig, SweepConfig,
+    ReplanningConfig, SitlConfig, SweepConfig, BranchConfig,
 )  # fmt: skip

@@ -24,7 +24,7 @@ from typing import TypeVar
 import numpy as np
 
 from wind_laws.records import ENSEMBLE, HELD, SPACE, TIME, UncertainWind, forecast_parts
-from wind_laws.types import FloatArray, IntArray
+from wind_laws.types import Float32Array, FloatArray, IntArray
 
 HELD_STEP = 10_800.0  # [s] between the slots of a held field
 INSTANTS = 8  # at which a variance is averaged around a slot
@@ -155,6 +155,30 @@ def conditioned_field(field: Field, theta: FloatArray, known: FloatArray) -> Fie
             latent[k, ..., c] = np.maximum(latent[k, ..., c] - lost, 0.0)
             psi[k, :, :, c] = roots @ less_doubt(B)
     return replace(field, mean=mean, latent_var=latent, modes=replace(modes, psi=psi))
+
+
+def conditioned_coefficients(
+    field: UncertainWind, theta: Float32Array, slots: IntArray, expected: FloatArray, known: FloatArray
+) -> Float32Array:
+    """(I - R B' B R)^-½ (θ - R m): N(R m, I - R B' B R) becomes N(0, I), as in the conditioned field.
+
+    Parameters
+    ----------
+    theta : (E, n, 2, P) float
+        θ of n winds in each of ``slots`` (E,) of the conditioned field.
+    expected : (2, P) or (n, 2, P) float
+        m at the time of the plan, by component of the wind.
+    known : (N, 2, P) float
+        B.
+    """
+    field = with_held_slots(field)
+    rho = persistence(field, float(field.times[np.argmin(np.abs(field.times))]))
+    found = np.empty_like(theta)
+    for e, share in enumerate(rho[slots]):
+        for c in (0, 1):
+            root = less_doubt(known[:, c] * share)
+            found[e, :, c] = np.linalg.solve(root, (theta[e, :, c] - share * expected[..., c, :]).T).T
+    return found
 
 
 def less_doubt(known: FloatArray) -> FloatArray:

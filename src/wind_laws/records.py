@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from wind_laws.error_law import FORECAST as FORECAST_PART
 from wind_laws.error_law import PART_NAMES, ErrorLaw, LawPart
 from wind_laws.lattice import NodeLattice, lattice_slopes, lattice_values
-from wind_laws.types import FloatArray, IntArray, require_shape
+from wind_laws.types import Float32Array, FloatArray, IntArray, require_shape
 
 PARTS = (  # of the error of a field
     "interpolation in space", "forecast", "interpolation in time", "ensemble", "change of a held field",
@@ -318,6 +318,18 @@ class UncertainWind:
         from wind_laws.conditioned import conditioned_field
 
         return conditioned_field(self, theta, known)
+
+    def coefficients_given(
+        self, theta: Float32Array, slots: IntArray, expected: FloatArray, known: FloatArray
+    ) -> Float32Array:
+        """θ (E, n, 2, P) of winds of this field as coefficients of the modes of the field :meth:`given`.
+
+        ``slots`` (E,) are of that field, ``known`` is as there; ``expected`` (2, P) or (n, 2, P) is the
+        expected θ, of all winds or of each.
+        """
+        from wind_laws.conditioned import conditioned_coefficients
+
+        return conditioned_coefficients(self, theta, slots, expected, known)
 
     def time_variance(self, t: FloatArray) -> FloatArray:
         """Variance [m²/s²] of interpolation in time at times ``t`` (S,) [s], shape (S,).

@@ -12,10 +12,10 @@ from levels import AT_NIGHT
 from pareto_ltl.extend import LocalWind, simulate_flights
 from pareto_ltl.kernels.flight import CoherentDraws, wind_met
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.planning.conditioning import Fix, Learnt
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.support.arrays import square_matrices
+from pareto_ltl_apps.conditioning import Fix, Learnt
 from pareto_ltl_apps.flight.belief import Belief
 
 TRUTHS = 500 if AT_NIGHT else 60

@@ -79,12 +79,6 @@ EQUIVALENT: dict[tuple[str, str, str, str], str] = {
         "(np.abs(scores) < NORMAL_QUANTILE_95)",
     ): "real numbers are never equal",
     (
-        "pareto_ltl.run.branching.stage",
-        "inside = np.flatnonzero(inside_depth(outline, x[1:-1]) >= 0.0) + 1",
-        "inside_depth(outline, x[1:-1]) >= 0.0",
-        "(inside_depth(outline, x[1:-1]) > 0.0)",
-    ): "real numbers are never equal",
-    (
         "pareto_ltl.world.scene_checks",
         "if error > LARGEST_ERROR:",
         "error > LARGEST_ERROR",

@@ -16,11 +16,11 @@ from numpy.random import SeedSequence
 
 from coherent import LOOSE
 from pareto_ltl.extend import simulate_flights
-from pareto_ltl.planning.conditioning import Fix, Learnt
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from pareto_ltl_apps.conditioning import Fix, Learnt
 from pareto_ltl_apps.flight.known_errors import robot_given
 from problems import KM, box, make_problem, make_scene, steady_wind
 

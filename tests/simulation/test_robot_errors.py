@@ -22,7 +22,6 @@ from pareto_ltl.kernels.fixes import fix_error, likely_sight
 from pareto_ltl.kernels.flight import CoherentDraws
 from pareto_ltl.kernels.pilots import Autopilot
 from pareto_ltl.kernels.robot_errors import mean_flown
-from pareto_ltl.planning.conditioning import Fix, Learnt
 from pareto_ltl.planning.evaluate import cross_covariance, evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem, unaided
 from pareto_ltl.planning.rates import WEIGHTED
@@ -35,6 +34,7 @@ from pareto_ltl.simulation.robot_errors import erring_pilot
 from pareto_ltl.support.arrays import FloatArray, square_matrices
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.resources import choice_file
+from pareto_ltl_apps.conditioning import Fix, Learnt
 from pareto_ltl_verify.robot import Errors
 from plane_kernels.types import Cov, Gaussian, Point
 from problems import KM, along, box, make_problem, make_scene, steady_wind

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from pareto_ltl import Settings
-from pareto_ltl.planning.branching.cells import Cell
-from pareto_ltl.planning.branching.records import Branch, BranchFix, Branching
+from pareto_ltl.extend import Branch, BranchFix, Branching, Cell
 from pareto_ltl.planning.rates import FailureRate
 from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl_apps.studies.replanning import Way, branch_controls, contingency

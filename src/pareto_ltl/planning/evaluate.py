@@ -195,20 +195,8 @@ def evaluate_path(
         objectives=_objectives(problem, flight, cell, collision),
         origin=origin,
         fixes=fix_steps(flight),
-        order=mission_order_text(problem, q, cell),
+        order=problem.mission_order(q, cell),
     )
-
-
-def mission_order_text(problem: Problem, q: IntArray, cell: IntArray, begun: int | None = None) -> str:
-    """The letters at which the automaton state changes, in order: ``a>b>c``.
-
-    Propositions that hold together are joined by ``+``; ``-`` is the empty letter. ``q``, ``cell`` (T+1,).
-    ``begun`` is the state before the first of them, by default the initial one.
-    """
-    before = np.concatenate([[problem.automaton.initial if begun is None else begun], q[:-1]])
-    atoms = frozenset(problem.atoms)
-    letters = (problem.labels[cell[t]] & atoms for t in np.flatnonzero(q != before))
-    return ">".join("+".join(sorted(letter)) or "-" for letter in letters)
 
 
 def _check_flown(problem: Problem, flight: Flight, fast: float) -> tuple[IntArray, IntArray]:

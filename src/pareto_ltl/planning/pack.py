@@ -39,6 +39,7 @@ NO_MODES = WindModes(
     np.ones((1, 2)),
 )  # fmt: skip
 NO_LIMIT = 1.0  # epsilon without a limit
+CORNERS = 16  # of the polygon that stands for a beacon
 NEARBY_ENTRIES, NEARBY_SQUARES = 4_000_000, 64  # table of near obstacles: entries; squares along one side
 
 # --- the map ----------------------------------------------------------------------------------
@@ -410,6 +411,13 @@ def with_landmarks(problem: Problem, robot: RobotConfig, marks: Sequence[FloatAr
     law = kd.LandmarkLaw(plain.wind, plain.modes, plain.motion, packed, plain.errors)
     laws, world = {**problem.laws, "coherent": law}, problem.world._replace(law=law)
     return replace(problem, scene=scene, laws=laws, world=world)
+
+
+def disc(middle: FloatArray, radius: float) -> FloatArray:
+    """A regular polygon (``CORNERS``, 2) [m] with the area of a disc."""
+    angles = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
+    size = radius * np.sqrt(2.0 * np.pi / (CORNERS * np.sin(2.0 * np.pi / CORNERS)))
+    return np.asarray(middle + size * np.column_stack([np.cos(angles), np.sin(angles)]), float)
 
 
 def _refuse_strong_wind(robot: RobotConfig, wind: WindField) -> None:

@@ -22,7 +22,7 @@ from pareto_ltl.planning.pack_logic import Reading, pack_corners
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.turns import Turns, TurnsOnTheSpot
 from pareto_ltl.planning.wind_lookup import interpolate, interpolate_time
-from pareto_ltl.settings import FidelityConfig
+from pareto_ltl.settings import FidelityConfig, RobotConfig
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.world.cells import Decomposition
@@ -31,6 +31,8 @@ from plane_kernels.types import Cells, Corners, Faces
 from wind_laws.tails import ErrorTail
 
 if TYPE_CHECKING:
+    from pareto_ltl.kernels.path import Flight
+    from pareto_ltl.planning.limits import WorstSegment
     from pareto_ltl.planning.records import Forest, PlannedPath
     from plane_kernels.supporting_lines import SegmentLines
 
@@ -185,9 +187,41 @@ class Problem(Displayed):
         world = self.world._replace(law=laws[self.fidelity.law])
         return replace(self, laws=laws, world=world)
 
+    def with_beacons(self, robot: RobotConfig, middles: FloatArray, radius: float) -> Problem:
+        """The problem with further landmarks: discs of ``radius`` [m] about ``middles`` (N, 2) [m].
+
+        ConfigError if ``robot`` takes no position fixes.
+        """
+        from pareto_ltl.planning.pack import disc, with_landmarks
+
+        return with_landmarks(self, robot, [disc(middle, radius) for middle in middles])
+
     def own_errors(self, law: str) -> kd.RobotErrors:
         """The law of the robot's own errors under the wind law ``law``; none under the independent law."""
         return errors_of(self.laws[law])
+
+    def without_fixes(self) -> Problem:
+        """The problem of a robot that takes no position fixes at landmarks."""
+        laws: dict[str, kd.Law] = {name: unaided(law) for name, law in self.laws.items()}
+        return replace(self, laws=laws, world=self.world._replace(law=laws[self.fidelity.law]))
+
+    def with_start(
+        self, cov: FloatArray, errors: FloatArray, errors_cov: FloatArray, shared: FloatArray
+    ) -> Problem:
+        """The problem with another law of the position at the start and of the robot's own errors.
+
+        ``cov`` (2, 2) [m²] is the covariance of the position, ``errors`` (Q,) and ``errors_cov`` (Q, Q) are
+        mean and covariance of the own errors, ``shared`` (2, Q) is the one of both. What of ``cov`` the own
+        errors do not explain is taken in every direction as in its largest.
+        """
+        own = errors_with(errors, errors_cov, shared)
+        laws: dict[str, kd.Law] = {
+            name: law if isinstance(law, kd.IndependentLaw) else law._replace(errors=own)
+            for name, law in self.laws.items()
+        }
+        spread = float(np.linalg.eigvalsh(cov - own.start @ own.start.T)[-1])
+        world = self.world._replace(law=laws[self.fidelity.law])
+        return replace(self, laws=laws, world=world, start_variance=max(spread, 0.0))
 
     def from_known_place(self) -> Problem:
         """The problem of a robot that starts where the map says, exactly, and takes no fixes."""
@@ -233,6 +267,36 @@ class Problem(Displayed):
 
         return keeps_epsilon(self, path)
 
+    @property
+    def allowed_risk(self) -> float:
+        """``planner.epsilon``, the largest risk of a collision in a segment; inf without a limit."""
+        from pareto_ltl.planning.refine.separation import allowed_risk
+
+        return allowed_risk(self)
+
+    def segment_risks(self, flight: Flight) -> FloatArray:
+        """The probability of a collision in each segment (T,) of ``flight``."""
+        from pareto_ltl.planning.refine.separation import separation
+
+        return np.asarray(separation(self, flight).risk, float)
+
+    def worst_segment(self, path: PlannedPath) -> WorstSegment:
+        """The segment of ``path`` that is most likely to collide, and its closest barrier."""
+        from pareto_ltl.planning.refine.separation import worst_segment
+
+        return worst_segment(self, path)
+
+    def mission_order(self, q: IntArray, cell: IntArray, begun: int | None = None) -> str:
+        """The letters at which the automaton state changes, in order: ``a>b>c``.
+
+        Propositions that hold together are joined by ``+``; ``-`` is the empty letter. ``q``, ``cell``
+        (T+1,) are states and cells; ``begun`` is the state before them, by default the initial one.
+        """
+        before = np.concatenate([[self.automaton.initial if begun is None else begun], q[:-1]])
+        atoms = frozenset(self.atoms)
+        letters = (self.labels[cell[t]] & atoms for t in np.flatnonzero(q != before))
+        return ">".join("+".join(sorted(letter)) or "-" for letter in letters)
+
     def grown_paths(self, forest: Forest) -> tuple[PlannedPath, ...]:
         """Accepted paths of the trees, no two of the same mission order and similar length."""
         from pareto_ltl.planning.selection import unlike_paths
@@ -270,6 +334,18 @@ def feedback_shares(time: float | None, dt: float) -> tuple[float, float]:
 def errors_of(law: kd.Law) -> kd.RobotErrors:
     """The law of the robot's own errors; none under the independent law."""
     return kd.EXACT if isinstance(law, kd.IndependentLaw) else law.errors
+
+
+def errors_with(mean: FloatArray, cov: FloatArray, shared: FloatArray) -> kd.RobotErrors:
+    """The law of own errors with ``mean`` (Q,), ``cov`` (Q, Q), and ``shared`` (2, Q) with the start."""
+    if not len(mean):
+        return kd.EXACT
+    value, vector = np.linalg.eigh(cov)
+    root = vector * np.sqrt(np.maximum(value, 1e-12 * max(float(value.max()), 1e-30)))
+    _, upper = np.linalg.qr(root.T)  # a lower triangular root: root root' = R' R
+    lower = upper.T * np.where(np.diag(upper) < 0.0, -1.0, 1.0)
+    start = np.linalg.solve(lower, shared.T).T
+    return kd.RobotErrors(mean, np.ascontiguousarray(lower), np.ascontiguousarray(start))
 
 
 def unaided(law: kd.Law) -> kd.IndependentLaw | kd.CoherentLaw:

@@ -181,7 +181,7 @@ class PlannedPath(Displayed):
     fixes : tuple of int
         Steps at which the plan counts on a position fix.
     order : str
-        Mission order: the letters that change the automaton state, ``a>b>c`` (:func:`mission_order_text`).
+        Mission order: the letters that change the automaton state, ``a>b>c`` (:meth:`Problem.mission_order`).
     """
 
     t: FloatArray

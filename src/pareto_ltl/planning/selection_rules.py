@@ -26,7 +26,6 @@ from pareto_ltl.support.extensions import known_kind
 
 LOG = logging.getLogger(__name__)
 FAR, NEGLIGIBLE = 2.0, 1e-3  # ratio of V to the mission risk, and mission risk, that need no warning
-SMALL = 1e-3  # failure rate added to all: below it, a lower rate is worth little length
 WORSE = 0.025  # p value below which a path is not as safe as another
 
 
@@ -163,7 +162,7 @@ def by_worth(cfg: SelectionConfig, front: Front) -> int:
     if not front.rates:
         return by_priority(cfg, front)
     lengths = _lengths(front)
-    score = np.log(_risks(front) + SMALL) + cfg.saving * np.log(lengths)
+    score = np.log(_risks(front) + cfg.SMALL) + cfg.saving * np.log(lengths)
     return int(np.lexsort((lengths, score.round(12)))[0])
 
 

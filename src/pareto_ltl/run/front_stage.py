@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from numpy.random import SeedSequence
 
@@ -22,12 +23,16 @@ from pareto_ltl.planning.refine.separation import (
     nearest_paths,
     within_limits,
 )
-from pareto_ltl.settings import Settings
+from pareto_ltl.planning.refine.sweep import first_of
+from pareto_ltl.settings import RefineConfig
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights, is_certain
 from pareto_ltl.simulation.judging import judge_front
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.seeds import named_child, stage_seeds
+
+if TYPE_CHECKING:
+    from pareto_ltl.settings import Settings
 
 LOG = logging.getLogger(__name__)
 JUDGING = "judging"  # child of the front's stream that refinement does not use
@@ -187,6 +192,11 @@ def _sampled_refinement(search: Search, raw: Sequence[PlannedPath]) -> tuple[Pla
         return draw_flights(problem, problem.fidelity.law, runs, search.seeds)
 
     return sampled_paths(effort, problem, search.forest, draw, search.progress, search.budget)
+
+
+def search_paths(refine: RefineConfig, flights: DrawnFlights) -> tuple[PlannedPath, ...]:
+    """Paths of many lengths in the problem of ``flights`` on which few of them fail, shortest first."""
+    return sampled_paths(Effort.of(refine), flights.problem, None, first_of(flights))
 
 
 Refiner = Callable[[Search, Sequence[PlannedPath]], tuple[PlannedPath, ...]]

@@ -16,6 +16,7 @@ from careful_io.links import refuse_links_out
 from careful_io.messages import shown_text
 from careful_io.reading import shaped
 from pareto_ltl.run import provenance
+from pareto_ltl.run.plan_additions import additions_to_plans
 from pareto_ltl.run.record import BaseRun, Record, record
 from pareto_ltl.run.required import require_formula, require_map
 from pareto_ltl.settings import RobotConfig, WindConfig
@@ -165,8 +166,8 @@ class Run(BaseRun):
             settings.fidelity,
         )
         problem = replace(problem, costs=costs_with(settings.selection.costs))
-        if settings.branch.leaves > 1:  # the robot flies tables: a fix chooses one, and steers nothing
-            problem = problem.with_feedback(settings.robot.feedback_time)
+        for addition in additions_to_plans(settings):
+            problem = addition.problem(problem)
         for line in missed_windows(problem.automaton.windows, problem.max_steps * problem.motion.dt):
             LOG.warning("%s", line)
         return problem
@@ -205,9 +206,12 @@ class Run(BaseRun):
     def unpriced_plan(self) -> Plan:
         """The plan without prices."""
         front, problem, wind = self.front, self.problem, self.wind
-        from pareto_ltl.run.plan_stage import branched, chosen_plan
+        from pareto_ltl.run.plan_stage import chosen_plan
 
-        return branched(self, chosen_plan(self.settings, problem, wind, front, self.seeds("plan")))
+        plan = chosen_plan(self.settings, problem, wind, front, self.seeds("plan"))
+        for addition in additions_to_plans(self.settings):
+            plan = addition.plan(self, plan)
+        return plan
 
     @record(words="Checking the plan with new flights")
     def forecasts(self) -> Mapping[str, Forecast]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from numpy.random import SeedSequence
 
@@ -22,9 +21,6 @@ from pareto_ltl.simulation.promise import promise_path
 from pareto_ltl.support.seeds import named_child
 from pareto_ltl.wind.coverage import EXACT, OwnErrors, coverage_of, held_warning
 from pareto_ltl.wind.records import WindField
-
-if TYPE_CHECKING:
-    from pareto_ltl.run.plan_run import Run
 
 LOG = logging.getLogger(__name__)
 PRICING = "prices"  # child of the seed of the flights that price limits
@@ -89,26 +85,6 @@ def covered_errors(settings: Settings) -> OwnErrors:
         robot.airspeed_sd, robot.heading_sd, robot.clock_sd,
         (robot.airspeed_bias, robot.heading_bias, robot.clock_bias),
     )  # fmt: skip
-
-
-def branched(run: Run, plan: Plan) -> Plan:
-    """``plan`` with what to fly after a position fix, if ``branch.leaves`` asks for it and it pays."""
-    settings = run.settings
-    if settings.branch.leaves == 1:
-        return plan
-    from pareto_ltl.run.branching.rest_problem import World
-    from pareto_ltl.run.branching.stage import branched_plan
-
-    def at_point(point: int) -> Plan:
-        """The plan of another path of the front, with its promise."""
-        selection = replace(settings.selection, rule="point", point=point)
-        other = chosen_plan(
-            replace(settings, selection=selection), run.problem, run.wind, run.front, run.seeds("plan")
-        )
-        return replace(other, rule=plan.rule, weights=plan.weights, rule_settings=plan.rule_settings)
-
-    world = World(settings, run.problem, run.wind, run.cells, run.automaton)
-    return branched_plan(world, run.front, plan, run.seeds("plan"), at_point)
 
 
 def priced(problem: Problem, plan: Plan, seeds: SeedSequence) -> Plan:

@@ -16,12 +16,11 @@ from careful_io.texts import distance_text
 from pareto_ltl.planning.costs.duration import hours_text
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.limits import Remedy
-from pareto_ltl.planning.pack import build_problem, missing_for_fixes, with_landmarks
+from pareto_ltl.planning.pack import build_problem, missing_for_fixes
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan, PlannedPath
 from pareto_ltl.planning.refine.separation import separation
 from pareto_ltl.settings import Settings
-from pareto_ltl.simulation.beacons import beacon_places, disc
 from pareto_ltl.simulation.judging import count_failures
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ParetoLtlError
@@ -34,7 +33,8 @@ GAIN = 0.9  # a change helps if it reduces one of the two figures to this share
 FEEDBACK = (1800.0, 600.0, 300.0, 60.0)  # values of robot.feedback_time that are tried [s], the easiest first
 WIDER = 1.5  # ratio of the widths of a region that is tried
 BEACON = 0.02  # radius of a beacon, as a share of the map's size
-PLACES = 16  # places of a beacon that are tried
+ALONG = 48  # places of a beacon along the path
+PLACES = 16  # of those on the map, that are tried
 HOUR = 3600.0
 SLOT = 3.0 * HOUR  # [s] between the fields of a forecast that goes on
 
@@ -130,12 +130,14 @@ def _beacon(trial: Trial) -> Iterator[tuple[str, Problem]]:
     if missing_for_fixes(robot, problem.fidelity):
         return
     radius = BEACON * float(np.ptp(problem.scene.bounds, axis=0).min())
-    places = beacon_places(problem, trial.path, radius)
-    along = places.at[places.aside == 0.0]
+    steps = np.unique(np.linspace(1, len(trial.path.u), ALONG).round().astype(int))
+    low, high = problem.scene.bounds + radius * np.array([[1.0], [-1.0]])
+    along = trial.path.x[steps]
+    along = along[((along >= low) & (along <= high)).all(axis=1)]
     if not len(along):
         return
     chosen = along[np.unique(np.linspace(0, len(along) - 1, PLACES).round().astype(int))]
-    marked = [with_landmarks(problem, robot, [disc(at, radius)]) for at in chosen]
+    marked = [problem.with_beacons(robot, at[None], radius) for at in chosen]
     best = int(np.argmin([trial.worst(one) for one in marked]))
     where = _place_text(problem.scene, chosen[best])
     yield f"a beacon of radius {distance_text(radius)} at {where}", marked[best]

@@ -21,7 +21,6 @@ from pareto_ltl.settings.mission import PowerConfig as PowerConfig
 from pareto_ltl.settings.mission import RandomSceneConfig as RandomSceneConfig
 from pareto_ltl.settings.mission import RobotConfig as RobotConfig
 from pareto_ltl.settings.mission import SceneConfig as SceneConfig
-from pareto_ltl.settings.planner import BranchConfig as BranchConfig
 from pareto_ltl.settings.planner import DeploymentConfig as DeploymentConfig
 from pareto_ltl.settings.planner import LogicConfig as LogicConfig
 from pareto_ltl.settings.planner import PipelineConfig as PipelineConfig

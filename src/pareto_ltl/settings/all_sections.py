@@ -20,7 +20,6 @@ from pareto_ltl.settings.fidelity import LAWS, PRESETS, FidelityConfig, preset
 from pareto_ltl.settings.heights import FlownAir, Height, flight_air, flight_height
 from pareto_ltl.settings.mission import MissionConfig, RobotConfig, SceneConfig
 from pareto_ltl.settings.planner import (
-    BranchConfig,
     DeploymentConfig,
     LogicConfig,
     PipelineConfig,
@@ -85,7 +84,6 @@ class Settings(CheckedSettings):
     selection: SelectionConfig = field(default_factory=SelectionConfig)
     deployment: DeploymentConfig = field(default_factory=DeploymentConfig)
     pipelines: PipelineConfig = field(default_factory=PipelineConfig)
-    branch: BranchConfig = field(default_factory=BranchConfig)
 
     PRESETS, LAWS = PRESETS, LAWS  # names of presets with their values, of wind laws
 
@@ -97,29 +95,6 @@ class Settings(CheckedSettings):
         if self.wind.level == "auto":  # the records of a run hold the level itself
             self.wind = replace(self.wind, level=usual_level(self.wind.source, self.robot.level))
         flight_air(self, flight_height(self))
-        self._check_branches()
-
-    def _check_branches(self) -> None:
-        """Refuse branches of a robot that always knows its position, and models that do not see them."""
-        if self.branch.leaves == 1:
-            if self.branch.fixes > 1:
-                raise ConfigError(
-                    f"branch.fixes = {self.branch.fixes} has no effect with branch.leaves = 1: "
-                    "set branch.leaves to 2, 3 or 4, or branch.fixes=1"
-                )
-            return
-        if self.robot.feedback_time is not None:
-            raise ConfigError(
-                f"branch.leaves = {self.branch.leaves}: a robot with robot.feedback_time always knows its "
-                "position and needs no branches; set robot.feedback_time=null or branch.leaves=1"
-            )
-        needs = {"law": "coherent", "judge": "flights", "refine": "sampled"}
-        for name, value in needs.items():
-            if (found := getattr(self.fidelity, name)) != value:
-                raise ConfigError(
-                    f"branch.leaves = {self.branch.leaves} needs fidelity.{name}={value}, got {found}: take "
-                    "fidelity=full, or branch.leaves=1"
-                )
 
     def __getitem__(self, kind: type[Section]) -> Section:
         """The section of the type ``kind``."""

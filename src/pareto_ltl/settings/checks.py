@@ -292,7 +292,7 @@ class CheckedSettings:
         """Raise ConfigError for values that contradict each other, or for a list of the wrong shape."""
 
     def complete(self, settings: Settings) -> None:
-        """Set what other sections of ``settings``, which all exist, leave open to this one."""
+        """Set what other sections of ``settings`` leave open to this one; refuse what contradicts them."""
 
     def stated_height(self) -> tuple[str, Level] | None:
         """The height of the flight, if the section states it: ``key=value``, and the level."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 from careful_io.messages import shown_value, wrong_value
 from pareto_ltl.settings.checks import CheckedSettings, is_finite, setting
@@ -112,51 +112,11 @@ class RefineConfig(CheckedSettings, section="refine"):
 
 
 @dataclass
-class BranchConfig(CheckedSettings, section="branch"):
-    """A plan that branches at a position fix (docs/branching.md)."""
-
-    leaves: int = setting(
-        1,
-        "largest number of branches, one table to fly for each cell of measured positions; 1: no branch",
-        "[1, 4]",
-    )
-    at: list[float] = setting(
-        [],
-        "times after departure at which a position fix can be taken, of which the plan branches at the best "
-        "one, or one after another with branch.fixes=2; none: at the landmarks of the map",
-        "(0, 1e4]",
-        unit="h",
-    )
-    fixes: int = setting(
-        1,
-        "largest number of fixes, one after another, at which the plan branches: each branch of the first "
-        "one may branch again",
-        "[1, 2]",
-    )
-    fit_trunk: bool = setting(
-        True,
-        "whether the plan may be another path of the front, or a bent one, if that fails less with branches",
-    )
-    fix_sd: float = setting(
-        500.0,
-        "standard deviation of a fix at a time of branch.at in each direction; at landmarks robot.fix_sd",
-        "(0, 1e6]",
-        unit="m",
-    )
-    available: float = setting(
-        1.0, "probability that the fix can be taken; without it the plan goes on", "(0, 1]"
-    )
-    rejoin: bool = setting(
-        True,
-        "whether the robot also flies off its measured distance from the planned position, for some steps "
-        "after the fix, and goes on against the drift that it tells of",
-    )
-
-
-@dataclass
 class SelectionConfig(CheckedSettings, section="selection"):
     """Which path of the front becomes the plan."""
 
+    # failure rate that rule=worth adds to all: below it, a lower one is worth little length
+    SMALL: ClassVar[float] = 1e-3
     rule: str = setting("worth", "how a path is chosen", choices=SELECTION_RULES, group=SELECTION_RULE_GROUP)
     saving: float = setting(
         2.0,

@@ -20,7 +20,7 @@ from pareto_ltl.planning.refine.sampled import deviations_from
 from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.simulation.robot_errors import draw_errors, erring_pilot
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from pareto_ltl.support.seeds import later_child, unspawned
 
 
@@ -160,6 +160,20 @@ class DrawnFlights:
             draws = draws._replace(theta=np.ascontiguousarray(self.draws.theta[:, rows]))
         noise = np.ascontiguousarray(self.noise[:, rows])
         return replace(self, noise=noise, errors=self.errors[rows], start=self.start[rows], draws=draws)
+
+    def later(
+        self, problem: Problem, step: int, x: FloatArray, errors: FloatArray, theta: Float32Array
+    ) -> DrawnFlights:
+        """The same flights from ``step`` on, where they are at ``x`` (n, 2) [m], as flights of ``problem``.
+
+        ``errors`` (n, Q) and ``theta`` (E, n, 2, P) are their coefficients in its coherent law.
+        """
+        white = np.ascontiguousarray(self.draws.white[step : step + problem.horizon])
+        draws = self.draws._replace(law=problem.laws[self.law], white=white, theta=theta)
+        return replace(
+            self, problem=problem, noise=np.empty((0, len(x), 2)), errors=errors,
+            start=x - problem.scene.start, draws=draws,
+        )  # fmt: skip
 
     def merged(self, problem: Problem, times: int) -> DrawnFlights:
         """The same flights in ``problem``, whose steps are ``times`` as long, in the coherent law."""

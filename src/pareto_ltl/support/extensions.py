@@ -2,6 +2,7 @@
 
 ``pareto_ltl.stages``           a ``Record`` that pipelines can list (``run/record.py``)
 ``pareto_ltl.stage_tables``     a tuple of such records, which every pipeline knows: stages of applications
+``pareto_ltl.plan_additions``   a ``PlanAddition`` (``run/plan_additions.py``)
 ``pareto_ltl.settings``         a tuple of sections of the settings (``CheckedSettings``)
 ``pareto_ltl.interface``        a function or class that ``pareto_ltl`` gives under that name
 ``pareto_ltl.formats``          what reads the files of others: ``maps``, ``winds``, ``automata``
@@ -33,6 +34,7 @@ Kind = TypeVar("Kind")
 
 STAGE_GROUP = "pareto_ltl.stages"
 FORMAT_GROUP = "pareto_ltl.formats"
+PLAN_ADDITION_GROUP = "pareto_ltl.plan_additions"
 STAGE_TABLE_GROUP = "pareto_ltl.stage_tables"
 SETTINGS_GROUP = "pareto_ltl.settings"
 INTERFACE_GROUP = "pareto_ltl.interface"

@@ -11,8 +11,9 @@ import numpy as np
 from careful_io.files import write_csv, write_text
 from careful_io.texts import distance_text, probability_text
 from pareto_ltl import Run, Scene
-from pareto_ltl.extend import BeaconMap, Planned, planned_run
+from pareto_ltl.extend import Planned, planned_run
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl_apps.flight.beacon_map import BeaconMap
 from pareto_ltl_apps.view.settings import ReportConfig
 
 STREAM = "beacons"

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pareto_ltl.extend import Learnt, RobotConfig
+from pareto_ltl.extend import RobotConfig
+from pareto_ltl_apps.conditioning import Learnt
 from pareto_ltl_apps.flight.position_fixes import FAR
 
 NAMES = ("airspeed", "heading", "clock")

@@ -21,10 +21,11 @@ from careful_io.reading import Advice, read_text
 from careful_io.texts import distance_text
 from careful_io.times import duration_seconds
 from pareto_ltl import Run
-from pareto_ltl.extend import Fix, Learnt, Plan, PlannedPath, Problem
+from pareto_ltl.extend import Plan, PlannedPath, Problem
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.departure import seconds_after
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl_apps.conditioning import Fix, Learnt
 
 LOG = logging.getLogger("pareto_ltl.flight.position_fixes")
 UNLIKELY = 1e-4  # probability under the law below which a fix or a field is an alarm

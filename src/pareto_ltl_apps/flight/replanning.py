@@ -1,12 +1,11 @@
 """Planning the rest of a flight again: position, wind error and remaining mission after position fixes.
 
 Without fixes and without a newer forecast there is no new information, and the rest of the old plan is
-unchanged. Position and wind are conditioned on fixes (``planning/conditioning.py``,
-``wind_laws/conditioned.py``), or the wind is a newer forecast (``rest_of_flight.py``). The automaton
-continues from its most likely state, and the stages from the trees on run with these records. The rest of the
-old plan is one of the paths of the new front. The new plan and the rest of the old one are then simulated in
-the same winds; a plan that fails significantly more often than the rest is replaced by a path of the front
-that does not.
+unchanged. Position and wind are conditioned on fixes (``conditioning.py``, ``wind_laws/conditioned.py``), or
+the wind is a newer forecast (``rest_of_flight.py``). The automaton continues from its most likely state, and
+the stages from the trees on run with these records. The rest of the old plan is one of the paths of the new
+front. The new plan and the rest of the old one are then simulated in the same winds; a plan that fails
+significantly more often than the rest is replaced by a path of the front that does not.
 """
 
 from __future__ import annotations
@@ -27,7 +26,6 @@ from careful_io.texts import distance_text, probability_text
 from pareto_ltl import Readings, Run, WindField
 from pareto_ltl.extend import (
     FailureRate,
-    Fix,
     Front,
     Pipeline,
     Plan,
@@ -40,6 +38,7 @@ from pareto_ltl.support.arrays import BoolArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.seeds import stage_seeds
+from pareto_ltl_apps.conditioning import Fix
 from pareto_ltl_apps.flight.known_errors import errors_text, settings_of_errors
 from pareto_ltl_apps.flight.position_fixes import Situation, fixes_from, planned_step, situation_at
 from pareto_ltl_apps.flight.rest_of_flight import (

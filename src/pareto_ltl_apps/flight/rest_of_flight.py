@@ -20,7 +20,6 @@ from careful_io.messages import shown_text
 from careful_io.texts import distance_text
 from pareto_ltl import Readings, Run, Scene, Settings, WindField
 from pareto_ltl.extend import (
-    Learnt,
     MissionConfig,
     PlannedPath,
     PowerConfig,
@@ -32,6 +31,8 @@ from pareto_ltl.extend import (
 )
 from pareto_ltl.support.arrays import FloatArray, length_of, square_matrices
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl_apps.branching.settings import BranchConfig
+from pareto_ltl_apps.conditioning import Learnt
 from pareto_ltl_apps.flight.known_errors import robot_given
 from pareto_ltl_apps.flight.position_fixes import FAR, Situation, chance
 from pareto_ltl_apps.formats.content import source_of_path
@@ -148,9 +149,9 @@ def settings_from(run: Run, scene: Scene, situation: Situation) -> Settings:
     """The settings of ``run`` with the departure, spread, mission and stages of the rest."""
     settings, problem = run.settings, run.problem
     assert situation.learnt is not None
+    unbranched = replace(settings[BranchConfig], leaves=1, fixes=1)
     return replace(
-        settings,
-        branch=replace(settings.branch, leaves=1, fixes=1),
+        settings.with_sections(unbranched),
         mission=MissionConfig(start_time=scene.time_zero, automaton=AUTOMATON_FILE),
         selection=rule_of_the_rest(settings.selection, run.plan.path, situation.step),
         robot=replace(

@@ -26,7 +26,6 @@ from pareto_ltl import Run, Settings, WindField
 from pareto_ltl.extend import (
     Branching,
     DrawnFlights,
-    Fix,
     LawPart,
     PlannedPath,
     Study,
@@ -38,6 +37,7 @@ from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, lengt
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.seeds import stage_seeds
+from pareto_ltl_apps.conditioning import Fix
 from pareto_ltl_apps.exports.exported import HELD_TIME
 from pareto_ltl_apps.flight.branches import rejoining
 from pareto_ltl_apps.flight.replanning import replanned

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +18,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from careful_io.texts import distance_text, probability_text
 from careful_io.times import hours_text
 from pareto_ltl import Scene
-from pareto_ltl.extend import BeaconMap, Deployment, Plan, SegmentLimits
+from pareto_ltl.extend import Deployment, Plan, SegmentLimits
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import allowed_text
 from pareto_ltl.support.medium import AIR, Medium
@@ -38,6 +38,9 @@ from pareto_ltl_apps.view.map import (
     taken_points,
 )
 from pareto_ltl_apps.view.map_layers import draw_lines, draw_text, inches_per_metre
+
+if TYPE_CHECKING:
+    from pareto_ltl_apps.flight.beacon_map import BeaconMap
 from pareto_ltl_apps.view.records import DrawnRun
 
 BARS = 6  # prices that are shown, at most

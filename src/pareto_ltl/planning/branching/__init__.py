@@ -1,1 +1,1 @@
-"""Plans that branch: records, files, and the law of a flight whose measured position lies in a cell."""
+"""Plans that branch: their records and files; pareto_ltl_apps.branching searches for the branches."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,10 +17,6 @@ from pareto_ltl.planning.records import BY_STEP, Plan, PlannedPath
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import inside_depth
 from pareto_ltl.world.projection import Navigation
-
-TRUNK = -1  # the branch of a flight that takes no fix: the plan goes on
-NAMES = "ABCD"  # of the branches of a plan, in order; branch A goes on as A1, A2, ...
-LEVELS = 2  # fixes, one after another, at which a plan can branch
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,13 +78,6 @@ class BranchFix:
         if self.landmark is None:
             return np.ones(len(x), bool)
         return inside_depth(self.landmark, x) >= 0.0
-
-
-class Passed(NamedTuple):
-    """A fix, and the cell that the position measured there lies in."""
-
-    fix: BranchFix
-    cell: Cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +146,7 @@ class Branching:
         interval by pairs, if the plan is that path bent for its branches.
     """
 
+    NAMES: ClassVar[str] = "ABCD"  # of the branches of a plan, in order; branch A goes on as A1, A2, ...
     fix: BranchFix
     branches: tuple[Branch, ...]
     rate: FailureRate
@@ -169,8 +159,8 @@ class Branching:
 
     def __post_init__(self) -> None:
         least = 1 if self.fix.rejoin else 2
-        if not least <= len(self.branches) <= len(NAMES):
-            raise ValueError(f"a fix has {least} to {len(NAMES)} branches, got {len(self.branches)}")
+        if not least <= len(self.branches) <= len(self.NAMES):
+            raise ValueError(f"a fix has {least} to {len(self.NAMES)} branches, got {len(self.branches)}")
 
     def chosen(self, y: FloatArray) -> IntArray:
         """The number of the branch for each measured position ``y`` (n, 2) [m]."""

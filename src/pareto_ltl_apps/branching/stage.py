@@ -4,24 +4,37 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.random import SeedSequence
 
 from careful_io.texts import rate_text
-from pareto_ltl.planning.branching.records import BranchFix, TreeRow
-from pareto_ltl.planning.costs.duration import hours_text
-from pareto_ltl.planning.evaluate import evaluate_path, propagate
-from pareto_ltl.planning.problem import Problem, unaided
-from pareto_ltl.planning.rates import FailureRate
-from pareto_ltl.planning.records import Front, Plan, PlannedPath
-from pareto_ltl.planning.refine import separation
-from pareto_ltl.planning.refine.separation import worst_segment
-from pareto_ltl.run.branching.bending import bent_tree, within_airspeeds
-from pareto_ltl.run.branching.rest_problem import World
-from pareto_ltl.run.branching.tree_plan import (
+from pareto_ltl import Run
+from pareto_ltl.extend import (
+    BranchFix,
+    FailureRate,
+    Front,
+    Plan,
+    PlannedPath,
+    Problem,
+    RobotConfig,
+    TreeRow,
+    cost_named,
+    evaluate,
+    evaluate_path,
+    fresh_promise,
+    which_fail,
+)
+from pareto_ltl.support.arrays import FloatArray, length_of
+from pareto_ltl.support.counts import paired_difference
+from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.seeds import named_child
+from pareto_ltl_apps.branching.bending import bent_tree, within_airspeeds
+from pareto_ltl_apps.branching.settings import BranchConfig
+from pareto_ltl_apps.branching.tree_flights import fly_tree, whole_controls
+from pareto_ltl_apps.branching.tree_plan import (
     Grown,
     drafted,
     keeps_epsilon,
@@ -30,7 +43,7 @@ from pareto_ltl.run.branching.tree_plan import (
     tree_rows,
     with_second_fixes,
 )
-from pareto_ltl.run.branching.tree_search import (
+from pareto_ltl_apps.branching.tree_search import (
     LEAST_FLIGHTS,
     QUADRANTS,
     REJOINED,
@@ -39,44 +52,32 @@ from pareto_ltl.run.branching.tree_search import (
     Tree,
     worthwhile_leaves,
 )
-from pareto_ltl.settings import BranchConfig, RobotConfig
-from pareto_ltl.simulation.judging import count_failures
-from pareto_ltl.simulation.promise import fresh_promise
-from pareto_ltl.simulation.tree_flights import fly_tree, whole_controls
-from pareto_ltl.support.arrays import FloatArray, length_of
-from pareto_ltl.support.counts import paired_difference
-from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.seeds import named_child
-from pareto_ltl.world.cells import inside_depth
 
-LOG = logging.getLogger(__name__)
+LOG = logging.getLogger("pareto_ltl.branching.stage")
 STREAM, PROMISED = "branches", "promised branches"  # random streams of the search, of the promise,
 CONFIRMED, BENT = "confirmed branches", "bent trunk"  # of what is retained, of the promise without a fix
 RETURNS = (0.1, 0.5)  # shares of the rest within which flights return to the path, when trunks are compared
 
 
-def branched_plan(
-    world: World, front: Front, plan: Plan, seeds: SeedSequence, at_point: Callable[[int], Plan]
-) -> Plan:
-    """``plan`` with branches, or another path of ``front`` with branches; ``plan`` itself if none pay.
-
-    ``at_point`` makes the plan of a path of the front.
+def branched_plan(run: Run, plan: Plan) -> Plan:
+    """``plan`` of ``run`` with branches, or another path of its front with them; itself if none pay.
 
     Raises
     ------
     ConfigError
         If the plan cannot branch where ``branch.at`` says, or nowhere.
     """
-    cfg = world.settings.branch
-    problem, own = world.problem, next(k for k, path in enumerate(front.paths) if path is plan.path)
-    fixes = possible_fixes(cfg, world.settings.robot, problem, plan.path)
+    settings, problem, front, seeds = run.settings, run.problem, run.front, run.seeds("plan")
+    cfg, robot = settings[BranchConfig], settings.robot
+    own = next(k for k, path in enumerate(front.paths) if path is plan.path)
+    fixes = possible_fixes(cfg, robot, problem, plan.path)
     worst = 0.0 if plan.epsilon_kept or plan.worst is None else plan.worst.probability
-    grower = Grower.of(world, named_child(seeds, STREAM), worst)
+    grower = Grower.of(run, named_child(seeds, STREAM), worst)
     places = [(own, fix) for fix in fixes]
     for point in promising_trunks(grower, front, own)[1:]:
         path = front.paths[point]
-        places += [(point, fix) for fix in fixes_on(cfg, world.settings.robot, problem, path)]
-    law, runs = problem.fidelity.law, world.settings.selection.runs
+        places += [(point, fix) for fix in fixes_on(cfg, robot, problem, path)]
+    law, runs = problem.fidelity.law, settings.selection.runs
     straight, number = best_tree(grower, front, places, cfg.fixes)
     if number == 0:
         LOG.warning(
@@ -89,7 +90,6 @@ def branched_plan(
     path, tree = bent_if_better(grower, trunk, straight, number, runs, confirmed)
     grown = Grown(tree, number)
     if cfg.fixes > 1:
-        robot = world.settings.robot
         grown = with_second_fixes(grower, tree, number, lambda stem: later_fixes(cfg, robot, problem, stem))
         grown = paying(grown, fly_tree(problem, path, drafted(problem, grown), runs, confirmed))
     rows = tree_rows(law, straight, grown)
@@ -104,14 +104,13 @@ def branched_plan(
         )
         LOG.warning("branches do not pay: %s (%s); the plan has none", _row_text(rows), why)
         return plan
-    LOG.info(
-        "branches %s after departure: %s", hours_text(tree.fix.step * problem.motion.dt), _row_text(rows)
-    )
-    base = plan if tree.point == own else at_point(tree.point)
+    after = cost_named("duration").text(tree.fix.step * problem.motion.dt)
+    LOG.info("branches %s after departure: %s", after, _row_text(rows))
+    base = plan if tree.point == own else plan_at(run, plan, tree.point)
     if path is not trunk:
         unbent = fly_tree(problem, trunk, drafted(problem, Grown(straight, number)), runs, promised)
         made = replace(made, bent=paired_difference(unbent.failed, flown.before[:, 1]))
-        base = bent_plan(world, base, path, named_child(seeds, BENT), confirmed)
+        base = bent_plan(run, base, path, named_child(seeds, BENT), confirmed)
     return replace(base, branching=made)
 
 
@@ -144,7 +143,7 @@ def bent_if_better(
 ) -> tuple[PlannedPath, Tree]:
     """The trunk bent for its branches, if fresh flights fail significantly less with it; else as it is."""
     problem = grower.problem
-    found = bent_tree(grower, trunk, tree, number) if grower.world.settings.branch.fit_trunk else None
+    found = bent_tree(grower, trunk, tree, number) if grower.run.settings[BranchConfig].fit_trunk else None
     if found is None:
         return trunk, tree
     path, better = found
@@ -157,18 +156,27 @@ def bent_if_better(
     return path, better
 
 
-def bent_plan(world: World, base: Plan, path: PlannedPath, seeds: SeedSequence, claim: SeedSequence) -> Plan:
+def plan_at(run: Run, plan: Plan, point: int) -> Plan:
+    """The plan of another path of the front of ``run``, with its promise and the rule of ``plan``."""
+    selection = replace(run.settings.selection, rule="point", point=point)
+    unbranched = replace(run.settings[BranchConfig], leaves=1, fixes=1)
+    other = run.with_settings(run.settings.with_sections(selection, unbranched)).unpriced_plan()
+    return replace(other, rule=plan.rule, weights=plan.weights, rule_settings=plan.rule_settings)
+
+
+def bent_plan(run: Run, base: Plan, path: PlannedPath, seeds: SeedSequence, claim: SeedSequence) -> Plan:
     """``base`` with the bent trunk ``path`` in the place of its path, and with the promise of it.
 
     While it is bent, R of a path is in its looser form; the plan has the tighter one.
     """
-    problem, runs = world.problem, world.settings.selection.runs
+    problem, runs = run.problem, run.settings.selection.runs
     path = replace(path, objectives=evaluate_path(problem, path.x, path.origin).objectives)
-    claimed = FailureRate.counted(problem.fidelity.law, count_failures(problem, path, runs, claim), runs)
+    failures = int(which_fail(problem, [path], runs, claim).sum())
+    claimed = FailureRate.counted(problem.fidelity.law, failures, runs)
     return replace(
         base, path=path, navigation=problem.scene.frame.navigation(path.t, path.x, path.u),
-        promise=fresh_promise(problem, world.wind, path, claimed, runs, seeds),
-        worst=worst_segment(problem, path), epsilon_kept=separation.keeps_epsilon(problem, path),
+        promise=fresh_promise(problem, run.wind, path, claimed, runs, seeds),
+        worst=problem.worst_segment(path), epsilon_kept=problem.keeps_epsilon(path),
     )  # fmt: skip
 
 
@@ -241,7 +249,7 @@ def fixes_along(cfg: BranchConfig, robot: RobotConfig, problem: Problem, x: Floa
         return [fix(step, cfg.fix_sd) for step in wanted if 1 <= step < steps]
     found = []
     for number, outline in enumerate(problem.scene.landmarks):
-        inside = np.flatnonzero(inside_depth(outline, x[1:-1]) >= 0.0) + 1
+        inside = np.flatnonzero(fix(1, robot.fix_sd, number).inside(x[1:-1])) + 1
         if len(inside):
             middle = outline.mean(axis=0)
             step = int(inside[np.argmin(np.linalg.norm(x[inside] - middle, axis=1))])
@@ -258,12 +266,13 @@ def promising_trunks(grower: Grower, front: Front, own: int) -> list[int]:
     The one with the best outlook, and the next safer one, which fails less before the fix. Other rules take
     their path for other reasons, and ``branch.fit_trunk=false`` takes the plan.
     """
-    settings = grower.world.settings
-    if settings.selection.rule != "worth" or not settings.branch.fit_trunk:
+    settings = grower.run.settings
+    cfg = settings[BranchConfig]
+    if settings.selection.rule != "worth" or not cfg.fit_trunk:
         return [own]
     scores = {}
     for point, path in enumerate(front.paths):
-        fixes = fixes_on(settings.branch, settings.robot, grower.problem, path)
+        fixes = fixes_on(cfg, settings.robot, grower.problem, path)
         if point != own and fixes:
             failure = min(outlook(grower, path, fix) for fix in fixes)
             scores[point] = grower.score(failure, length_of(path.x))
@@ -279,7 +288,7 @@ def outlook(grower: Grower, path: PlannedPath, fix: BranchFix) -> float:
     the rest, or not at all, whichever fails least.
     """
     problem, winds, k = grower.problem, grower.fitted, fix.step
-    if grower.world.settings.branch.rejoin:
+    if grower.run.settings[BranchConfig].rejoin:
         y, taken = winds.measured_along(path.u, fix)
         off = replace(fix, rejoin=max(round(REJOINED[1] * (len(path.u) - k)), 1))
         ways = (winds, winds.after(off, y, taken))
@@ -295,7 +304,7 @@ def outlook(grower: Grower, path: PlannedPath, fix: BranchFix) -> float:
         own, off, tried = winds.only(rows), x[rows].mean(axis=0) - path.x, [failed[rows]]
         for share in RETURNS:
             back = np.clip(since / max(share * since[-1], 1.0), 0.0, 1.0)
-            steered = propagate(problem, path.x - back[:, None] * off, unaided(problem.world.law)).u
+            steered = evaluate(problem, x=path.x - back[:, None] * off).u
             u = whole_controls(path.u, k, within_airspeeds(grower, steered)[k:])
             tried.append(own.failed(u))
         failed[rows] = min(tried, key=lambda one: int(one.sum()))

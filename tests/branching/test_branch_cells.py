@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl.planning.branching.cells import Cell, cell_moments, truncated
-from pareto_ltl.planning.branching.records import BranchFix, cells_of
-from pareto_ltl.run.branching.tree_search import divisions, rounded_places
+from pareto_ltl.extend import BranchFix, Cell, cells_of
+from pareto_ltl_apps.branching.moments import cell_moments, truncated
+from pareto_ltl_apps.branching.tree_search import divisions, rounded_places
 
 INF = math.inf
 DRAWS = 400_000

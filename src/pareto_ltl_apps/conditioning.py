@@ -18,13 +18,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pareto_ltl.kernels import data as kd
-from pareto_ltl.planning.evaluate import cross_covariance, propagate
-from pareto_ltl.planning.problem import Problem, errors_of, unaided
+from pareto_ltl.extend import Problem, cross_covariance, evaluate
 from pareto_ltl.support.arrays import FloatArray, square_matrices
 
 if TYPE_CHECKING:
-    from pareto_ltl.kernels.path import Flight
+    from pareto_ltl.extend import Flight, RobotErrors
 
 
 ROUNDING = 1e-12  # share of a variance below which the variance of a fix is lost by rounding
@@ -74,7 +72,29 @@ class Joint:
     cross: FloatArray
     own: FloatArray
     now: FloatArray
-    errors: kd.RobotErrors
+    errors: RobotErrors
+
+    @classmethod
+    def at(cls, problem: Problem, x: FloatArray, step: int, fixes: Sequence[Fix]) -> Joint:
+        """The covariances of the deviations at ``fixes``, and of position, θ and own errors at ``step``.
+
+        If the plan counted on fixes at landmarks, the positions that they measured are not known here: the
+        prior of θ stays N(0, I). One fix at ``step`` itself uses the covariance that the plan expects; more
+        fixes, or earlier ones, use the covariance of a flight without landmarks.
+        """
+        at = [fix.step for fix in fixes]
+        alone = at == [step]
+        flight = evaluate(problem if alone else problem.without_fixes(), x=x[: step + 1])
+        cov = square_matrices(flight.cov)
+        cross = np.concatenate([_theta_at(problem, flight, t, step) for t in at])
+        now, errors = flight.errors.cross[step], flight.errors.law
+        if alone:
+            return cls(x[step], cov[step], cov[step], cov[step], cross, now, now, errors)
+        across = _across_time(problem, flight)
+        among = np.block([[across[t, s] if t >= s else across[s, t].T for s in at] for t in at])
+        to = np.hstack([across[step, t] for t in at])
+        own = np.concatenate([flight.errors.cross[t] for t in at])
+        return cls(x[step], cov[step], among, to, cross, own, now, errors)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +116,7 @@ class Learnt:
         components i of z = L⁻¹ d. Under the law, P(‖z_i‖ > r) = exp(-r²/2).
     errors : (Q,) float, errors_cov : (Q, Q) float
         Mean and covariance of the robot's own errors after the fixes, as in
-        :class:`~pareto_ltl.kernels.data.RobotErrors`; Q = 0 for a robot without errors.
+        :class:`~pareto_ltl.extend.RobotErrors`; Q = 0 for a robot without errors.
     shared : (2, Q) float
         Covariance of the position and these errors after the fixes.
     """
@@ -118,10 +138,10 @@ class Learnt:
         Without fixes the position that the law expects, which is not conditioned.
         """
         if fixes:
-            return learn(joint_at(problem, x, step, fixes), x[[fix.step for fix in fixes]], fixes)
-        flight = propagate(problem, x[: step + 1])
+            return learn(Joint.at(problem, x, step, fixes), x[[fix.step for fix in fixes]], fixes)
+        flight = evaluate(problem, x=x[: step + 1])
         cov = square_matrices(flight.cov)[step]
-        modes, own = problem.modes.psi.shape[-1], errors_of(problem.world.law)
+        modes, own = problem.modes.psi.shape[-1], flight.errors.law
         return cls(
             x[step], cov, cov, np.zeros((2, modes)), np.zeros((0, 2, modes)), np.zeros(0), own.mean,
             own.root @ own.root.T, flight.errors.cross[step] @ own.root.T,
@@ -130,6 +150,10 @@ class Learnt:
     def at_place(self, place: FloatArray, sd: float) -> Learnt:
         """The same for a robot at ``place`` (2,) [m], with an independent error ``sd`` [m]."""
         return replace(self, mean=place, cov=sd**2 * np.eye(2), shared=np.zeros_like(self.shared))
+
+    def start_of(self, problem: Problem) -> Problem:
+        """``problem``, which begins at ``mean``, with the law of that position and of the own errors."""
+        return problem.with_start(self.cov, self.errors, self.errors_cov, self.shared)
 
     @property
     def sd(self) -> float:
@@ -175,33 +199,10 @@ def learn(prior: Joint, means: FloatArray, fixes: Sequence[Fix]) -> Learnt:
     )  # fmt: skip
 
 
-def joint_at(problem: Problem, x: FloatArray, step: int, fixes: Sequence[Fix]) -> Joint:
-    """The covariances of the deviations at ``fixes``, and of position, θ and own errors at ``step``.
-
-    If the plan counted on fixes at landmarks, the positions that they measured are not known here: the prior
-    of θ stays N(0, I). One fix at ``step`` itself uses the covariance that the plan expects; more fixes, or
-    earlier ones, use the covariance of a flight without landmarks.
-    """
-    at = [fix.step for fix in fixes]
-    alone = at == [step]
-    law = problem.world.law if alone else unaided(problem.world.law)
-    flight = propagate(problem, x[: step + 1], law)
-    cov = square_matrices(flight.cov)
-    cross = np.concatenate([_theta_at(law, flight, t, step) for t in at])
-    now, errors = flight.errors.cross[step], flight.errors.law
-    if alone:
-        return Joint(x[step], cov[step], cov[step], cov[step], cross, now, now, errors)
-    across = _across_time(law, flight)
-    among = np.block([[across[t, s] if t >= s else across[s, t].T for s in at] for t in at])
-    to = np.hstack([across[step, t] for t in at])
-    own = np.concatenate([flight.errors.cross[t] for t in at])
-    return Joint(x[step], cov[step], among, to, cross, own, now, errors)
-
-
-def _across_time(law: kd.Law, flight: Flight) -> FloatArray:
+def _across_time(problem: Problem, flight: Flight) -> FloatArray:
     """Cov(e_t, e_s) for s <= t, (T+1, T+1, 2, 2)."""
-    if not isinstance(law, kd.IndependentLaw):
-        return cross_covariance(law, flight)
+    if flight.memory is not None:
+        return cross_covariance(problem.coherent, flight)
     cov = square_matrices(flight.cov)
     across = np.zeros((len(cov), len(cov), 2, 2))
     for s in range(len(cov)):
@@ -211,9 +212,9 @@ def _across_time(law: kd.Law, flight: Flight) -> FloatArray:
     return across
 
 
-def _theta_at(law: kd.Law, flight: Flight, t: int, step: int) -> FloatArray:
+def _theta_at(problem: Problem, flight: Flight, t: int, step: int) -> FloatArray:
     """Cov(e_t, θ) (2, 2, P) with θ of ``step``, a later one."""
-    if isinstance(law, kd.IndependentLaw) or t == 0:
-        return np.zeros((2, 2, 0 if isinstance(law, kd.IndependentLaw) else flight.psi.shape[-1]))
-    faded = law.modes.kept[t + 1 : step + 1].astype(float).prod(axis=0)
+    if flight.memory is None or t == 0:  # under the independent law there is no memory
+        return np.zeros((2, 2, flight.psi.shape[-1]))
+    faded = problem.modes.kept[t + 1 : step + 1].astype(float).prod(axis=0)
     return np.asarray(flight.memory.theta[t - 1] * faded, float)

@@ -8,27 +8,27 @@ Further beacons are placed one after the other, each with those before it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import SeedSequence
 
 from careful_io.machine import on_all_cores
-from pareto_ltl.planning.pack import with_landmarks
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.rates import FailureRate
-from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.settings import RobotConfig
-from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
-from pareto_ltl.simulation.judging import which_fail
+from pareto_ltl.extend import (
+    DrawnFlights,
+    FailureRate,
+    PlannedPath,
+    Problem,
+    RobotConfig,
+    draw_flights,
+    which_fail,
+)
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.seeds import unspawned
 
 ALONG = 48  # places along the path
 ASIDE = (0.0, -0.8, 0.8, -1.6, 1.6)  # standard deviations to the left of the path of the places at a step
-CORNERS = 16  # of the polygon that stands for a disc
 SHORTLIST = 8  # best places that are compared again, since the best of 200 is partly the luckiest
 AGAIN = 10_000  # other flights that compare them
 FRESH = 20_000  # flights that judge the best place
@@ -108,8 +108,8 @@ class BeaconMap:
         """
         places = beacon_places(problem, path, radius)
         search, judge, again = unspawned(seed).spawn(3)
-        marks: list[FloatArray] = []
-        marked = with_landmarks(problem, robot, [disc(places.at[0], radius)])
+        placed = np.empty((0, 2))
+        marked = problem.with_beacons(robot, places.at[:1], radius)
         drawn, others = (
             draw_flights(marked, problem.fidelity.law, runs, child)
             for runs, child in ((flights, search), (AGAIN, again))
@@ -118,12 +118,13 @@ class BeaconMap:
         law, first, sites = problem.fidelity.law, np.empty(0), list[BeaconSite]()
         without = FailureRate.counted(law, int(before.sum()), FRESH)
         for _ in range(number):
-            rates = tried(problem, robot, path, places.at, drawn, marks, radius)
+            rates = tried(problem, robot, path, places.at, drawn, placed, radius)
             first = rates if not len(first) else first
             short = np.argsort(rates, kind="stable")[:SHORTLIST]
-            best = short[np.argmin(tried(problem, robot, path, places.at[short], others, marks, radius))]
-            marks.append(disc(places.at[best], radius))
-            failed = which_fail(with_landmarks(problem, robot, marks), [path], FRESH, judge)[0]
+            best = short[np.argmin(tried(problem, robot, path, places.at[short], others, placed, radius))]
+            placed = np.vstack([placed, places.at[best]])
+            marked = problem.with_beacons(robot, placed, radius)
+            failed = which_fail(marked, [path], FRESH, judge)[0]
             rate = FailureRate.counted(law, int(failed.sum()), FRESH)
             sites.append(BeaconSite(int(best), rate, paired_difference(before, failed)))
             before = failed
@@ -152,24 +153,17 @@ def beacon_places(problem: Problem, path: PlannedPath, radius: float) -> BeaconP
     return BeaconPlaces(points[inside], np.concatenate(step)[inside], np.concatenate(aside)[inside])
 
 
-def disc(middle: FloatArray, radius: float) -> FloatArray:
-    """A regular polygon (``CORNERS``, 2) [m] with the area of a disc."""
-    angles = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
-    size = radius * np.sqrt(2.0 * np.pi / (CORNERS * np.sin(2.0 * np.pi / CORNERS)))
-    return np.asarray(middle + size * np.column_stack([np.cos(angles), np.sin(angles)]), float)
-
-
 def tried(
     problem: Problem, robot: RobotConfig, path: PlannedPath, places: FloatArray, drawn: DrawnFlights,
-    marks: Sequence[FloatArray], radius: float,
+    placed: FloatArray, radius: float,
 ) -> FloatArray:  # fmt: skip
-    """Failure rates (N,) of the flights ``drawn`` with the beacons ``marks`` and one more at each place.
+    """Failure rates (N,) of the flights ``drawn`` with beacons at ``placed`` and one more at each place.
 
-    ``places`` (N, 2) [m].
+    ``places`` (N, 2) and ``placed`` (n, 2) [m].
     """
 
     def failed(at: FloatArray) -> BoolArray:
-        whole = with_landmarks(problem, robot, [*marks, disc(at, radius)])
+        whole = problem.with_beacons(robot, np.vstack([placed, at]), radius)
         own = replace(drawn, problem=whole)
         return own.failed(own.flown(path.u, path.x))
 

@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.planning.branching.records import LEVELS, TRUNK, BranchFix, Branching
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights
+from pareto_ltl.extend import BranchFix, Branching, DrawnFlights, PlannedPath, Problem, draw_flights
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.seeds import unspawned
 
+TRUNK = -1  # the branch of a flight that takes no fix: the plan goes on
+LEVELS = 2  # fixes, one after another, at which a plan can branch
 BLOCK = 1000  # flights that are drawn together: their winds fill the memory
 
 

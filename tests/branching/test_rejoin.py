@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import pareto_ltl
+from branching.test_branches import AT, PHI1, SELDOM, SMALL, STEP, as_flown, in_branches
 from exports.test_lua import HEADING, SPEED, commands, flight, needs_lua
 from lies.editing import Lie, edited
 from pareto_ltl.planning.plan_files import read_plan, write_plan
@@ -19,7 +20,6 @@ from pareto_ltl_apps.exports.branches import branch_lines
 from pareto_ltl_apps.flight.following import follow
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.judge import CLAIMS, findings, verify
-from run.test_branches import AT, PHI1, SELDOM, SMALL, STEP, as_flown, in_branches
 
 SECOND = 9.0  # [h]
 

@@ -9,13 +9,13 @@ import pytest
 from numpy.random import SeedSequence
 
 from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
-from pareto_ltl.extend import BeaconMap, which_fail
+from pareto_ltl.extend import which_fail
 from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.planning.pack import with_landmarks
+from pareto_ltl.planning.pack import disc
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.simulation.beacons import SHORTLIST, beacon_places, disc
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl_apps.flight.beacon_map import SHORTLIST, BeaconMap, beacon_places
 from problems import KM
 
 ROBOT = RobotConfig(dt=100.0, u_max=25.0, start_sd=300.0, fix_sd=50.0)
@@ -58,7 +58,7 @@ def test_the_best_place_saves_what_a_landmark_there_saves(problem, path):
     one, two = found.sites
     assert found.failure[one.number] in np.sort(found.failure)[:SHORTLIST]
     assert found.failure.max() > 1.5 * found.failure.min()
-    drawn = with_landmarks(problem, ROBOT, [disc(found.places.at[one.number], 1.0 * KM)])
+    drawn = problem.with_beacons(ROBOT, found.places.at[[one.number]], 1.0 * KM)
     failed = [which_fail(p, [path], 8000, SeedSequence(99))[0] for p in (problem, drawn)]
     _, low, high = paired_difference(*failed)
     assert high < 0.0
@@ -69,4 +69,4 @@ def test_the_best_place_saves_what_a_landmark_there_saves(problem, path):
 def test_a_robot_that_takes_no_fixes_has_no_use_for_beacons():
     held = landmark_problem(replace(LANDMARK_SCENE, landmarks=()), feedback_time=60.0)
     with pytest.raises(ConfigError, match="feedback_time=null"):
-        with_landmarks(held, replace(ROBOT, feedback_time=60.0), [disc(np.array([9.0, 9.0]) * KM, KM)])
+        held.with_beacons(replace(ROBOT, feedback_time=60.0), np.array([[9.0, 9.0]]) * KM, KM)

@@ -10,16 +10,15 @@ import pytest
 from numpy.random import SeedSequence
 
 from coherent import STEPS, coherent_problem
+from pareto_ltl.extend import BranchFix, Cell, RobotConfig, cells_of
 from pareto_ltl.kernels.pilots import RejoiningPilot, command
-from pareto_ltl.planning.branching.belief import Course, learnt_in_cell, noise_of, prior_at
-from pareto_ltl.planning.branching.cells import Cell, Moments
-from pareto_ltl.planning.branching.records import TRUNK, BranchFix, Passed, cells_of
-from pareto_ltl.planning.conditioning import Fix, learn
 from pareto_ltl.planning.evaluate import propagate
-from pareto_ltl.run.branching.rest_problem import Countered
-from pareto_ltl.settings import RobotConfig
-from pareto_ltl.simulation.tree_flights import TreeFlights, fly_rests
 from pareto_ltl.support.arrays import square_matrices
+from pareto_ltl_apps.branching.belief import Course, Passed, learnt_in_cell, noise_of, prior_at
+from pareto_ltl_apps.branching.moments import Moments
+from pareto_ltl_apps.branching.rest_problem import Countered
+from pareto_ltl_apps.branching.tree_flights import TRUNK, TreeFlights, fly_rests
+from pareto_ltl_apps.conditioning import Fix, learn
 from plane_kernels.types import Point
 
 RUNS, STEP = 40_000, 15

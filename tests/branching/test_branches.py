@@ -22,9 +22,9 @@ from pareto_ltl.extend import plan_on_branch
 from pareto_ltl.planning.plan_files import read_plan, write_plan
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.run.plan_stage import branched
-from pareto_ltl.settings import BranchConfig
 from pareto_ltl.support.errors import ConfigError, DataError
+from pareto_ltl_apps.branching.settings import BranchConfig
+from pareto_ltl_apps.branching.stage import branched_plan
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.flight.following import follow
 from pareto_ltl_apps.flight.sends import at_leg
@@ -334,8 +334,8 @@ def branched_again(made: Path, **branch: Any) -> Plan:
     run = Run.open(made)
     plan = replace(run.plan, branching=None)
     path = next(one for one in run.front.paths if np.array_equal(one.x, plan.path.x))
-    settings = replace(run.settings, branch=BranchConfig(leaves=2, **branch))
-    return branched(run.with_settings(settings), replace(plan, path=path))
+    settings = run.settings.with_sections(BranchConfig(leaves=2, **branch))
+    return branched_plan(run.with_settings(settings), replace(plan, path=path))
 
 
 def test_what_cannot_branch_is_refused_in_one_line(made: Path, tmp_path: Path) -> None:

@@ -12,16 +12,14 @@ import pytest
 from numpy.random import SeedSequence
 
 from coherent import STEPS, coherent_problem
-from pareto_ltl.planning.branching.cells import Cell
-from pareto_ltl.planning.branching.records import BranchFix
-from pareto_ltl.planning.evaluate import evaluate_path
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.run.branching import stage
-from pareto_ltl.run.branching.bending import bent_tree, bumps, within_airspeeds
-from pareto_ltl.run.branching.tree_search import SLOWER, Grower, Stem, Tree, expected_means
-from pareto_ltl.settings import BranchConfig, RobotConfig, SelectionConfig
-from pareto_ltl.simulation.tree_flights import TreeFlights, whole_controls
+from pareto_ltl import Run, Settings
+from pareto_ltl.extend import BranchFix, Cell, Problem, RobotConfig, evaluate_path
 from pareto_ltl.support.arrays import length_of
+from pareto_ltl_apps.branching import stage
+from pareto_ltl_apps.branching.bending import bent_tree, bumps, within_airspeeds
+from pareto_ltl_apps.branching.settings import BranchConfig
+from pareto_ltl_apps.branching.tree_flights import TreeFlights, whole_controls
+from pareto_ltl_apps.branching.tree_search import SLOWER, Grower, Stem, Tree, expected_means
 
 STEP, INF = 15, float("inf")
 ROBOT = RobotConfig(dt=100.0, u_min=2.0, u_max=20.0, start_sd=50.0)
@@ -38,11 +36,9 @@ def detour() -> tuple[Grower, Any, Tree]:
     path = evaluate_path(problem, x, "path 3", tight=False)
     ahead = x[STEP] - x[STEP - 1]
     fix = BranchFix(STEP, path.x[STEP], ahead / np.hypot(*ahead), 100.0)
-    branch = BranchConfig(leaves=2, at=[0.4])
-    settings = SimpleNamespace(branch=branch, selection=SelectionConfig(), robot=ROBOT)
+    settings = Settings(robot=ROBOT).with_sections(BranchConfig(leaves=2, at=[0.4]))
     flights = (TreeFlights.drawn(problem, 600, SeedSequence(seed)) for seed in (1, 2))
-    world: Any = SimpleNamespace(settings=settings, problem=problem)
-    grower = Grower(world, *flights, 2)
+    grower = Grower(Run(settings, {"problem": problem}), *flights, 2)
     stem, rests = Stem.trunk(path), [path.u[STEP:]]
     table = grower.table(stem, fix, rests)
     divisions = (grower.of_cells(table, (Cell(),)), grower.of_cells(table, HALVES))
@@ -157,10 +153,8 @@ def test_the_way_to_use_a_fix_is_the_one_that_fails_least(detour: Any) -> None:
     assert plain.rejoin > 0
     assert int(grower.fitted.after(plain, y, taken).failed(path.u).sum()) < alone
     assert grower.rejoining(tree.stem, replace(tree.fix, sd=1e6))[0].rejoin == 0
-    settings = SimpleNamespace(
-        **{**vars(grower.world.settings), "branch": BranchConfig(leaves=2, at=[0.4], rejoin=False)}
-    )
-    other = replace(grower, world=SimpleNamespace(settings=settings, problem=grower.problem))
+    settings = grower.run.settings.with_sections(BranchConfig(leaves=2, at=[0.4], rejoin=False))
+    other = replace(grower, run=grower.run.with_settings(settings))
     assert other.rejoining(tree.stem, tree.fix) == [tree.fix]
 
 

@@ -1,7 +1,7 @@
 """What a cell of measured positions says: the law of position, wind and own errors of the flights in it.
 
 The measured position y = x + e + ν, ν ~ N(0, r² I), is N(x, S) with S = Σ + r² I. In a cell it has the mean
-x + d and the covariance V (:mod:`~pareto_ltl.planning.branching.cells`). Whatever y is, the rest is Gaussian
+x + d and the covariance V (:mod:`~pareto_ltl_apps.branching.moments`). Whatever y is, the rest is Gaussian
 given y, so that with D = Cov(e, y) = Σ and C = Cov(y, θ)
 
     E[e | cell] = D S⁻¹ d,         Cov(e | cell) = Σ - D W D',       W = S⁻¹ (S - V) S⁻¹,
@@ -23,26 +23,40 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels.path import Flight
-from pareto_ltl.planning.branching.cells import Moments, cell_moments
-from pareto_ltl.planning.branching.records import Passed
-from pareto_ltl.planning.conditioning import Fix, Joint, Learnt, joint_at
-from pareto_ltl.planning.evaluate import cross_covariance, propagate
-from pareto_ltl.planning.problem import Problem, unaided
+from pareto_ltl.extend import (
+    BranchFix,
+    Cell,
+    Problem,
+    cross_covariance,
+    evaluate,
+)
 from pareto_ltl.support.arrays import FloatArray, square_matrices
+from pareto_ltl_apps.branching.moments import Moments, cell_moments
+from pareto_ltl_apps.conditioning import Fix, Joint, Learnt
+
+if TYPE_CHECKING:
+    from pareto_ltl.extend import Flight
 
 INSIDE_DRAWS = 200_000  # of positions, for a fix that only a landmark gives
 BOTH_DRAWS = 1_000_000  # of pairs of positions, for cells at two fixes
 INSIDE_SEED = 20181009
 
 
+class Passed(NamedTuple):
+    """A fix, and the cell that the position measured there lies in."""
+
+    fix: BranchFix
+    cell: Cell
+
+
 def prior_at(problem: Problem, passed: Sequence[Passed], x: FloatArray) -> Joint:
     """The joint law of position, θ and own errors at the last fix, of the means ``x`` (T+1, 2) [m]."""
     fixes = [Fix(fix.place, fix.sd, fix.step) for fix, _ in passed]
-    return joint_at(problem, x, fixes[-1].step, fixes)
+    return Joint.at(problem, x, fixes[-1].step, fixes)
 
 
 def measured_moments(
@@ -130,9 +144,8 @@ class Course:
     @classmethod
     def of(cls, problem: Problem, x: FloatArray) -> Course:
         """The flights whose means are ``x`` (T+1, 2) [m], without a fix."""
-        law = unaided(problem.world.law)
-        flight = propagate(problem, x, law)
-        return cls(flight, cross_covariance(law, flight), problem.motion.dt)  # type: ignore[arg-type]
+        flight = evaluate(problem, x=x)
+        return cls(flight, cross_covariance(problem.coherent, flight), problem.motion.dt)
 
     def between(self, steps: Sequence[int], others: Sequence[int]) -> FloatArray:
         """Cov(e_t, e_s) for t in ``steps`` and s in ``others``, (2n, 2m) [m²]."""

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import pareto_ltl
+from branching.test_branches import PHI1, SELDOM, SMALL, in_branches, misstated, swapped, turned
 from exports.test_lua import HEADING, commands, flight, needs_lua
 from lies.editing import Lie, edited
 from pareto_ltl.extend import plans_on_branches
@@ -26,7 +27,6 @@ from pareto_ltl_apps.flight.following import follow
 from pareto_ltl_apps.flight.telemetry import Reading
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.judge import CLAIMS, findings, verify
-from run.test_branches import PHI1, SELDOM, SMALL, in_branches, misstated, swapped, turned
 from small_plans import phi1
 
 FIRST, SECOND = 4, 9  # hours and steps

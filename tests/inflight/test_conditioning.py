@@ -14,9 +14,9 @@ from numpy.random import SeedSequence
 from coherent import LOOSE, SCENE, STEPS, coherent_problem
 from pareto_ltl.extend import draw_flights
 from pareto_ltl.kernels.data import EXACT
-from pareto_ltl.planning.conditioning import Fix, Joint, Learnt, learn
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.settings import RobotConfig
+from pareto_ltl_apps.conditioning import Fix, Joint, Learnt, learn
 from pareto_ltl_apps.flight.position_fixes import likely_histories
 from problems import QUICK_ERROR, make_problem, smooth_wind
 from wind_laws.conditioned import conditioned_field, field_from, less_doubt

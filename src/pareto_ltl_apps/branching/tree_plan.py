@@ -8,21 +8,21 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pareto_ltl.planning.branching.belief import Course
-from pareto_ltl.planning.branching.records import (
-    NAMES,
-    TRUNK,
+from pareto_ltl.extend import (
     Branch,
     BranchFix,
     Branching,
-    Passed,
+    FailureRate,
+    Objectives,
+    PlannedPath,
+    Problem,
     TreeRow,
 )
-from pareto_ltl.planning.evaluate import mission_order_text
-from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.rates import FailureRate
-from pareto_ltl.planning.records import Objectives, PlannedPath
-from pareto_ltl.run.branching.tree_search import (
+from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, length_of, square_matrices
+from pareto_ltl.support.counts import paired_difference
+from pareto_ltl_apps.branching.belief import Course, Passed
+from pareto_ltl_apps.branching.tree_flights import TRUNK, TreeOutcome, whole_controls
+from pareto_ltl_apps.branching.tree_search import (
     LATER_ROUNDS,
     SELDOM,
     Grower,
@@ -33,9 +33,6 @@ from pareto_ltl.run.branching.tree_search import (
     segment_risks,
     worthwhile_leaves,
 )
-from pareto_ltl.simulation.tree_flights import TreeOutcome, whole_controls
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, length_of, square_matrices
-from pareto_ltl.support.counts import paired_difference
 
 Fixes = Callable[[Stem], Sequence[BranchFix]]
 
@@ -136,7 +133,7 @@ def drafted(problem: Problem, grown: Grown, prefix: str = "") -> Branching:
     division, frame, branches = tree.divisions[grown.number - 1], problem.scene.frame, []
     for k, (cell, rest) in enumerate(zip(division.cells, division.rests, strict=True)):
         share, path = branch_path(problem, tree, rest, tree.stem.past(tree.fix, cell))
-        name = f"{prefix}{k + 1}" if prefix else NAMES[k]
+        name = f"{prefix}{k + 1}" if prefix else Branching.NAMES[k]
         then = drafted(problem, grown.then[k], name) if k in grown.then else None
         log = frame.navigation(path.t, path.x, path.u)
         branches.append(Branch(name, cell, share, path, unknown, log, then))
@@ -208,7 +205,7 @@ def branch_path(
         u=tree.rests[rest],
         objectives=Objectives(problem.costs_of(x, tree.rests[rest]), unknown, unknown, unknown, unknown),
         origin="the rest of the plan" if rest <= tree.table.first else f"rest {rest} of the branches",
-        order=mission_order_text(problem, q, cell, int(q[0])),
+        order=problem.mission_order(q, cell, int(q[0])),
     )
     return told.share, path
 

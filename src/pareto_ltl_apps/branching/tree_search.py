@@ -19,24 +19,29 @@ from itertools import combinations, pairwise
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.planning.branching.belief import Course, learnt_in_cell, noise_of, prior_at
-from pareto_ltl.planning.branching.cells import EVERYWHERE, Cell, Ends, Moments
-from pareto_ltl.planning.branching.records import TRUNK, BranchFix, Passed, cells_of
-from pareto_ltl.planning.conditioning import Learnt
-from pareto_ltl.planning.evaluate import propagate, propagate_controls
-from pareto_ltl.planning.problem import Problem, unaided
-from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.planning.refine import Effort, sampled_paths
-from pareto_ltl.planning.refine.separation import allowed_risk, separation
-from pareto_ltl.planning.refine.sweep import first_of
-from pareto_ltl.planning.selection_rules import SMALL
-from pareto_ltl.run.branching.rest_problem import Countered, World, rest_of_flight
-from pareto_ltl.simulation.tree_flights import TreeFlights, whole_controls
+from pareto_ltl import Run
+from pareto_ltl.extend import (
+    BranchFix,
+    Cell,
+    PlannedPath,
+    Problem,
+    SelectionConfig,
+    cells_of,
+    evaluate,
+    search_paths,
+)
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, length_of
 from pareto_ltl.support.counts import paired_difference
 from pareto_ltl.support.errors import DataError, InfeasibleError
+from pareto_ltl_apps.branching.belief import Course, Passed, learnt_in_cell, noise_of, prior_at
+from pareto_ltl_apps.branching.moments import EVERYWHERE, Ends, Moments
+from pareto_ltl_apps.branching.rest_problem import Countered, rest_of_flight
+from pareto_ltl_apps.branching.settings import BranchConfig
+from pareto_ltl_apps.branching.tree_flights import TRUNK, TreeFlights, whole_controls
+from pareto_ltl_apps.conditioning import Learnt
 
-LOG = logging.getLogger(__name__)
+LOG = logging.getLogger("pareto_ltl.branching.tree_search")
+SMALL = SelectionConfig.SMALL  # failure rate below which a lower one is worth little length
 FITTED, JUDGED = 4000, 8000  # flights that rests are fitted to, and flights by which trees are chosen
 SURE = 2.0  # standard errors by which a tree on another path of the front must be better
 LEAST_FLIGHTS = 50  # of a cell: fewer say nothing
@@ -167,20 +172,20 @@ class Grower:
     ``allowed`` is the largest risk of a collision in a segment.
     """
 
-    world: World
+    run: Run
     fitted: TreeFlights
     judged: TreeFlights
     leaves: int
     allowed: float = math.inf
 
     @classmethod
-    def of(cls, world: World, seeds: SeedSequence, worst: float) -> Grower:
+    def of(cls, run: Run, seeds: SeedSequence, worst: float) -> Grower:
         """Draws the flights. A plan that breaks epsilon, with the risk ``worst``, may have branches of it."""
         fit, judge = seeds.spawn(2)
-        problem = world.problem
+        problem = run.problem
         return cls(
-            world, TreeFlights.drawn(problem, FITTED, fit), TreeFlights.drawn(problem, JUDGED, judge),
-            world.settings.branch.leaves, max(allowed_risk(problem), worst),
+            run, TreeFlights.drawn(problem, FITTED, fit), TreeFlights.drawn(problem, JUDGED, judge),
+            run.settings[BranchConfig].leaves, max(problem.allowed_risk, worst),
         )  # fmt: skip
 
     def within(self, stem: Stem, fix: BranchFix, cell: Cell) -> Grower:
@@ -196,12 +201,12 @@ class Grower:
     @property
     def problem(self) -> Problem:
         """The problem of the whole flight, without fixes."""
-        return self.world.problem
+        return self.run.problem
 
     @property
     def saving(self) -> float:
         """Per cent of the failures that a per cent of length must save, whatever rule chose the plan."""
-        return self.world.settings.selection.saving
+        return self.run.settings.selection.saving
 
     def score(self, failure: float, length: float) -> float:
         """What is minimised, as the rule ``worth`` does: log(p + SMALL) + s log(l)."""
@@ -252,7 +257,7 @@ class Grower:
         One without, and one with the best counter to the drift; on the stem, or on its rest flown slower. The
         first one flies nothing off if the setting says so, or if the flights fail no less.
         """
-        if not self.world.settings.branch.rejoin:
+        if not self.run.settings[BranchConfig].rejoin:
             return [fix]
         y, taken = self.fitted.measured_along(stem.u, fix, stem.level)
         own, since = stem.u[fix.step :], stem.passed[-1].fix.step if stem.passed else 0
@@ -284,7 +289,7 @@ class Grower:
             at = fix.step + np.linspace(0.0, len(rest), steps + 1)
             slow = np.stack([np.interp(at, np.arange(len(means)), x) for x in means.T], axis=1)
             whole = np.ascontiguousarray(np.vstack([means[: fix.step], slow]))
-            one = propagate(self.problem, whole, unaided(self.problem.world.law)).u[fix.step :]
+            one = evaluate(self.problem, x=whole).u[fix.step :]
             if self.has_airspeeds(one) and self.can_be_flown(stem, passed, told, one):
                 found.append(np.ascontiguousarray(one))
         return found
@@ -367,10 +372,9 @@ class Grower:
         for q in self.open_states(state):
             own = rows[state == q]
             try:
-                rest = rest_of_flight(self.world, learnt, k, q, reserve)
+                rest = rest_of_flight(self.run, learnt, k, q, reserve)
                 flights = rest.flights(winds.flights.only(own), here[own], countered and countered.only(own))
-                effort = Effort.of(self.world.settings.refine.coarse())
-                paths = sampled_paths(effort, rest.problem, None, first_of(flights))
+                paths = search_paths(self.run.settings.refine.coarse(), flights)
             except (InfeasibleError, DataError) as error:
                 LOG.info("no rest of the flight %s: %s", cell.words, error)
                 continue
@@ -471,7 +475,7 @@ class Grower:
 
 def expected_means(problem: Problem, u: FloatArray) -> FloatArray:
     """Expected positions (T+1, 2) [m] of the controls ``u`` (T, 2) [m/s], without a fix."""
-    return propagate_controls(problem, u, unaided(problem.world.law)).x
+    return evaluate(problem, u=u).x
 
 
 def course_of(problem: Problem, u: FloatArray) -> Course:
@@ -481,7 +485,7 @@ def course_of(problem: Problem, u: FloatArray) -> Course:
 
 def segment_risks(problem: Problem, course: Course, passed: tuple[Passed, ...], told: Moments) -> FloatArray:
     """The probability of a collision in each segment (T,) of the flights of ``course`` in cells."""
-    return np.asarray(separation(problem, course.given(passed, told)).risk, float)
+    return problem.segment_risks(course.given(passed, told))
 
 
 def worthwhile_leaves(tree: Tree) -> int:

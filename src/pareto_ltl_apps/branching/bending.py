@@ -14,15 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pareto_ltl.planning.branching.records import TRUNK, BranchFix, cells_of
-from pareto_ltl.planning.evaluate import evaluate_path, propagate
-from pareto_ltl.planning.problem import unaided
-from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.planning.refine.separation import keeps_epsilon
-from pareto_ltl.run.branching.tree_search import Division, Grower, Stem, Tree, expected_means
-from pareto_ltl.simulation.tree_flights import fly_rests, whole_controls
+from pareto_ltl.extend import BranchFix, PlannedPath, cells_of, evaluate, evaluate_path
 from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.errors import InfeasibleError
+from pareto_ltl_apps.branching.tree_flights import TRUNK, fly_rests, whole_controls
+from pareto_ltl_apps.branching.tree_search import Division, Grower, Stem, Tree, expected_means
 
 BUMPS = 4  # from the departure to the fix
 WIDTH = 1.5  # of a bump, in distances between two bumps
@@ -94,7 +90,7 @@ def _bent_once(grower: Grower, path: PlannedPath, tree: Tree, number: int, origi
                 moved = shape.moved(off)
                 made = _made(grower, moved, tree.fix, origin)
                 score = _score_of(grower, made, division, order)
-                if made is None or score >= least or not keeps_epsilon(problem, made.path):
+                if made is None or score >= least or not problem.keeps_epsilon(made.path):
                     continue
                 shape, least, found = moved, score, made
                 break
@@ -119,15 +115,12 @@ def bumps(path: PlannedPath, step: int, size: float) -> Iterator[FloatArray]:
 def _made(grower: Grower, shape: Shape, fix: BranchFix, origin: str) -> Bent | None:
     """The paths of a shape, as near as airspeeds allow; None if the trunk cannot be flown."""
     problem, k = grower.problem, fix.step
-    u = within_airspeeds(grower, propagate(problem, shape.trunk, unaided(problem.world.law)).u)
+    u = within_airspeeds(grower, evaluate(problem, x=shape.trunk).u)
     try:
         path = evaluate_path(problem, expected_means(problem, u), origin, tight=False)
     except InfeasibleError:
         return None
-    rests = tuple(
-        within_airspeeds(grower, propagate(problem, x, unaided(problem.world.law)).u[k:])
-        for x in shape.wholes
-    )
+    rests = tuple(within_airspeeds(grower, evaluate(problem, x=x).u[k:]) for x in shape.wholes)
     ahead = path.x[k] - path.x[k - 1]
     speed = float(np.hypot(*ahead))
     moved = replace(fix, place=path.x[k], ahead=ahead / speed if speed > 1e-6 else fix.ahead)
@@ -136,7 +129,7 @@ def _made(grower: Grower, shape: Shape, fix: BranchFix, origin: str) -> Bent | N
 
 def within_airspeeds(grower: Grower, u: FloatArray) -> FloatArray:
     """The controls ``u`` (T, 2) [m/s] with airspeeds within the limits of the robot, in their directions."""
-    robot = grower.world.settings.robot
+    robot = grower.run.settings.robot
     speed = np.maximum(np.hypot(*u.T), 1e-9)
     return np.ascontiguousarray(u * (np.clip(speed, robot.u_min, robot.u_max * ROUNDING) / speed)[:, None])
 

@@ -1,1 +1,0 @@
-"""The search for a plan that branches at a position fix (``branch.leaves``)."""
