@@ -19,7 +19,7 @@ import pytest
 
 import plane_kernels
 from pareto_ltl import kernels
-from pareto_ltl.kernels.collision_risk import step_allowed
+from plane_kernels.collision_risk import step_allowed
 from typed_kernels import code_cache, code_files, shipped_code
 from typed_kernels.code_cache import FOREIGN, code_stamp, reachable_sources
 from typed_kernels.jit import IMPLEMENTATIONS, by_type, implements, source_file

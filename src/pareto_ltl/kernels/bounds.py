@@ -1,4 +1,4 @@
-"""Bounds on the risk of missions and collisions as named tuples, and the world of all models."""
+"""Bounds on the risk of missions as named tuples, and the world of all models."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ from typing import NamedTuple, TypeAlias
 
 from pareto_ltl.kernels.data import Law, Logic
 from pareto_ltl.support.arrays import BoolArray, FloatArray, Int32Array, IntArray
-from plane_kernels.types import Cells, Corners, Faces, Nearby
-
-# --- mission bounds ---------------------------------------------------------------------------
+from plane_kernels.types import Cells, CollisionBound, Corners, Faces
 
 
 class Theorem2(NamedTuple):
@@ -79,32 +77,6 @@ class Letters(NamedTuple):
 
 
 MissionBound: TypeAlias = Theorem2 | Ordered
-
-
-# --- collision bounds -------------------------------------------------------------------------
-
-
-class StepBound(NamedTuple):
-    """Eqs. (9) and (10): epsilon is divided equally among the m barriers (obstacles and walls).
-
-    ``z`` is the quantile of 1 - epsilon / m.
-    """
-
-    barriers: Faces
-    nearby: Nearby
-    z: float
-
-
-class PathBound(NamedTuple):
-    """R of whole paths, with limits for all barriers together: ``epsilon`` in a step, ``delta`` on a path."""
-
-    barriers: Faces
-    nearby: Nearby
-    epsilon: float
-    delta: float
-
-
-CollisionBound: TypeAlias = StepBound | PathBound
 
 
 class World(NamedTuple):

@@ -19,11 +19,11 @@ from pareto_ltl.planning.problem import LEAST_VARIANCE, Problem, barrier_polygon
 from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl.support.arrays import FloatArray, IntArray, square_matrices
 from pareto_ltl.support.errors import InfeasibleError
-from plane_kernels.types import Faces
+from plane_kernels.types import Faces, PathBound
 
 if TYPE_CHECKING:
     from pareto_ltl.kernels.path import Flight
-    from pareto_ltl.kernels.path_collision import GaussianPath
+    from plane_kernels.path_collision import GaussianPath
 
 FAULTS = (
     "",
@@ -241,7 +241,7 @@ def judged_world(problem: Problem) -> kb.World:
     if problem.fidelity.judge == "bound":
         return problem.world
     bound = problem.world.collision
-    return problem.world._replace(collision=kb.PathBound(bound.barriers, bound.nearby, math.inf, math.inf))
+    return problem.world._replace(collision=PathBound(bound.barriers, bound.nearby, math.inf, math.inf))
 
 
 def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: float) -> Objectives:
@@ -292,13 +292,11 @@ def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool
 
     Eq. (M40) of docs/mathematics.md.
     """
-    from pareto_ltl.kernels.path_collision import collision_bound
+    from plane_kernels.path_collision import collision_bound
 
     bound, path = problem.world.collision, gaussian_path(law, flight, tight=tight)
     faces = (
-        with_supporting_lines(problem, flight)
-        if tight and isinstance(bound, kb.PathBound)
-        else bound.barriers
+        with_supporting_lines(problem, flight) if tight and isinstance(bound, PathBound) else bound.barriers
     )
     total = float(collision_bound(faces, bound.nearby, path))
     return min(total, 1.0) if tight else total
@@ -324,7 +322,7 @@ def with_supporting_lines(problem: Problem, flight: Flight) -> Faces:
 
 def gaussian_path(law: kd.Law, flight: Flight, *, tight: bool = True) -> GaussianPath:
     """The input of R from a flight; the law decides where the reflection bound 2 Φ is allowed."""
-    from pareto_ltl.kernels import path_collision as kernel
+    from plane_kernels import path_collision as kernel
 
     none = np.empty((0, 0, 2, 2))
     if isinstance(law, kd.IndependentLaw):

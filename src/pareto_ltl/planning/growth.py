@@ -24,7 +24,6 @@ from pareto_ltl.kernels import growth as kernel
 from pareto_ltl.kernels import tree as kt
 from pareto_ltl.kernels.dijkstra import Product
 from pareto_ltl.kernels.growth import Fans
-from pareto_ltl.kernels.neighbours import Bins
 from pareto_ltl.kernels.parents import Dominance
 from pareto_ltl.planning.problem import Problem, start_breach
 from pareto_ltl.planning.product_graph import cell_fans, empty_heap, farthest_states, product_graph
@@ -36,6 +35,7 @@ from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.seeds import unspawned
 from pareto_ltl.world.windows import missed_windows
+from plane_kernels.neighbours import Bins
 from plane_kernels.types import Cov, Gaussian, Point
 
 ITERATIONS_PER_VERTEX = 50  # growth ends after this many extensions for each vertex of planner.n_max

@@ -28,7 +28,7 @@ from pareto_ltl.wind.records import HELD, PARTS, SPACE, TIME, WindField, WindMod
 from pareto_ltl.world.cells import BUCKETS, Decomposition, bucket_cells, half_planes
 from pareto_ltl.world.scene import FixShape, Scene
 from pareto_ltl.world.time_step import with_time_step
-from plane_kernels.types import Cells, Faces, Nearby
+from plane_kernels.types import Cells, CollisionBound, Faces, Nearby, PathBound, StepBound
 
 LOG = logging.getLogger(__name__)
 
@@ -303,18 +303,18 @@ def pack_laws(
 
 def pack_collision(
     kind: str, barriers: Faces, nearby: Nearby, epsilon: float, delta: float
-) -> kb.CollisionBound:
+) -> CollisionBound:
     """The collision bound ``step``, which splits epsilon equally over the barriers, or ``path``."""
     from scipy.special import ndtri
 
     if kind == "path":
-        return kb.PathBound(barriers, nearby, epsilon, delta)
+        return PathBound(barriers, nearby, epsilon, delta)
     if epsilon >= NO_LIMIT:
         raise ConfigError(
             "planner.epsilon=null needs fidelity.collision_bound=path: Eq. (9) divides epsilon among the "
             "obstacles; set planner.epsilon, e.g. 0.05"
         )
-    return kb.StepBound(barriers, nearby, float(-ndtri(epsilon / max(len(barriers.ptr) - 1, 1))))
+    return StepBound(barriers, nearby, float(-ndtri(epsilon / max(len(barriers.ptr) - 1, 1))))
 
 
 def build_problem(

@@ -28,7 +28,7 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
-from plane_kernels.types import Cells, Corners, Faces
+from plane_kernels.types import Cells, Corners, Faces, StepBound
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.records import Forest, PlannedPath
@@ -124,7 +124,7 @@ class Problem(Displayed):
     @property
     def is_published(self) -> bool:
         """Whether the plan has the models of the paper, so that a tree vertex costs what its path costs."""
-        kinds = kd.IndependentLaw, kb.Theorem2, kb.StepBound
+        kinds = kd.IndependentLaw, kb.Theorem2, StepBound
         return all(isinstance(model, kind) for model, kind in zip(self.world, kinds, strict=True))
 
     @property

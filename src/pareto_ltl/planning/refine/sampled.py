@@ -7,7 +7,7 @@ is the smoothed failure
 
 m_i the margin of flight i (:mod:`pareto_ltl.kernels.margin`), by one second-order cone programme a step with
 the gradient and the Hessian of the binding events, within airspeed, map and the longest length allowed. The
-sweeps of a front solve it by :mod:`pareto_ltl.kernels.step_solver`; the last polish is made by
+sweeps of a front solve it by :mod:`plane_kernels.step_solver`; the last polish is made by
 :class:`ConstrainedRefiner`: the same programme with the chance constraint of every segment, in cvxpy.
 """
 
