@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flight_quantities import frames
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.wind import gp as regression
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.records import WindObservations
-from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 
 SIDE = 2e6  # [m]
@@ -31,7 +31,7 @@ def observed(seed=0, n=60, times=1, noise=1.0, length=400e3, amplitude=3.0):
 
 @pytest.fixture(scope="module")
 def sample():
-    scene = Scene(np.array([[-5e5, -5e5], [5e5, 5e5]]), np.zeros(2), {}, (), projection.local_plane(37, -92))
+    scene = Scene(np.array([[-5e5, -5e5], [5e5, 5e5]]), np.zeros(2), {}, (), frames.local_plane(37, -92))
     return place_readings(WindConfig(), sources.read_readings(WindConfig()), scene)
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from careful_io.texts import probability_text
 from careful_io.times import HOUR, iso, seconds
+from flight_quantities.medium import medium_of
 from pareto_ltl.support.levels import level_mismatch
-from pareto_ltl.support.medium import medium_of
 from pareto_ltl.wind.change_law import reasons_text
 from pareto_ltl.wind.error_law import ErrorLaw
 from pareto_ltl.wind.named_laws import law_named

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flight_quantities.levels import parse_level
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.levels import parse_level
 from pareto_ltl_apps.cli.output import Answer
 
 if TYPE_CHECKING:
