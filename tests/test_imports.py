@@ -66,6 +66,7 @@ def circles(package: Path) -> list[list[str]]:
         "flight_quantities",
         "ltlf",
         "plane_kernels",
+        "plane_logic",
         "typed_kernels",
         "hydra_plugins",
     ],

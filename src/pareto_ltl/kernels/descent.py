@@ -16,12 +16,12 @@ from typing import NamedTuple
 from pareto_ltl.kernels.attraction import attract
 from pareto_ltl.kernels.data import CoherentLaw, IndependentLaw, LandmarkLaw, Law
 from pareto_ltl.kernels.interpolation import wind_slopes
-from pareto_ltl.kernels.margin import Slope, smoothed_failure
-from pareto_ltl.kernels.margin_events import MarginModel, Scratch
 from pareto_ltl.kernels.motion import least_airspeed
 from pareto_ltl.kernels.path import Flight, propagate_flight
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from plane_kernels.step_solver import MOST, StepModel, Work, X, solve_step
+from plane_logic.margin import Slope, smoothed_failure
+from plane_logic.margin_events import MarginModel, Scratch
 from typed_kernels.jit import by_type, entry, implements, kernel
 
 OVERLONG = 20.0  # penalty per relative length above the cap: more than any failure

@@ -12,7 +12,6 @@ import numpy as np
 
 from careful_io.texts import probability_text
 from careful_io.times import hours_text
-from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.pack_logic import empty_letters, helpful_delta, live_rows
 from pareto_ltl.planning.problem import LEAST_VARIANCE, Problem, barrier_polygons, errors_of
@@ -20,6 +19,7 @@ from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl.support.arrays import FloatArray, IntArray, square_matrices
 from pareto_ltl.support.errors import InfeasibleError
 from plane_kernels.types import Faces, PathBound
+from plane_logic.types import Ordered
 
 if TYPE_CHECKING:
     from pareto_ltl.kernels.path import Flight
@@ -236,7 +236,7 @@ def _flown_until(problem: Problem, flight: Flight, fast: float) -> tuple[IntArra
     return q, cell, int(fault), int(where)
 
 
-def judged_world(problem: Problem) -> kb.World:
+def judged_world(problem: Problem) -> kd.World:
     """The world that paths are checked in: without chance constraints where flights judge."""
     if problem.fidelity.judge == "bound":
         return problem.world
@@ -250,7 +250,7 @@ def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: flo
     alone = flight if problem.world.law is independent else propagate(problem, flight.x, independent)
     ordered = ordered_mission_risk(problem, flight)
     paper = theorem2_mission_risk(problem, alone, cell)
-    if isinstance(problem.world.mission, kb.Ordered):
+    if isinstance(problem.world.mission, Ordered):
         judged = ordered
     else:
         judged = paper if alone is flight else theorem2_mission_risk(problem, flight, cell)
@@ -268,7 +268,7 @@ def theorem2_mission_risk(problem: Problem, flight: Flight, cell: IntArray) -> f
 
     Eq. (M36) of docs/mathematics.md.
     """
-    from pareto_ltl.kernels.mission_risk import theorem2_risks
+    from plane_logic.mission_risk import theorem2_risks
 
     return min(1.0, float(theorem2_risks(problem.theorem2, flight.x, flight.cov, cell).sum()))
 
@@ -278,7 +278,7 @@ def ordered_mission_risk(problem: Problem, flight: Flight) -> float:
 
     Eq. (M37) of docs/mathematics.md.
     """
-    from pareto_ltl.kernels.ordered_bound import ordered_risk
+    from plane_logic.ordered_bound import ordered_risk
 
     rows, letters = live_rows(problem.ordered), empty_letters(problem.ordered)
     return float(ordered_risk(problem.ordered, rows, letters, flight.x, flight.cov))
