@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
-if TYPE_CHECKING:  # no need of NumPy, which takes long to import
+if TYPE_CHECKING:  # NumPy takes long to import, and nothing here needs it
     from flight_quantities.arrays import FloatArray
 
 Speed = TypeVar("Speed", float, "FloatArray")

@@ -52,7 +52,7 @@ def _stated(settings: Settings) -> list[tuple[str, Height]]:
     robot, scene = settings.robot.level, settings.scene.altitude
     stated = []
     if robot:
-        stated.append((f"robot.level={robot}", level_height(parse_level(robot, "robot.level"))))
+        stated.append((f"robot.level={robot}", level_height(wind_level(robot, "robot.level"))))
     if scene is not None:
         grounded = bool(stated) and not stated[0][1].above_sea
         kind = DEPTH if scene < 0.0 else HEIGHT if grounded else ALTITUDE

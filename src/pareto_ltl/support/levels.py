@@ -10,9 +10,9 @@ from flight_quantities.medium import medium_of
 from pareto_ltl.support.errors import ConfigError
 
 
-def wind_level(text: str) -> Level:
-    """The level that ``wind.level`` states; ConfigError if it is not a level."""
-    return parse_level("10m" if text == "auto" else text, "wind.level")  # a run has replaced auto already
+def wind_level(text: str, key: str = "wind.level") -> Level:
+    """The level that the setting ``key`` states; ConfigError if it is not a level."""
+    return parse_level("10m" if text == "auto" else text, key)  # settings of a run have replaced auto already
 
 
 def level_mismatch(flown: str, known: str) -> str:
