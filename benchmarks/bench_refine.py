@@ -16,7 +16,6 @@ import yaml
 from numpy.random import SeedSequence
 
 from pareto_ltl.extend import draw_flights
-from pareto_ltl.kernels import margin as kernel
 from pareto_ltl.logic.mission import automaton_of
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.pack import build_problem
@@ -30,6 +29,7 @@ from pareto_ltl.wind.field import fit_wind_field
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.world import cells as workspace
 from pareto_ltl.world.scene_settings import scene_from_settings
+from plane_logic import margin as kernel
 from solves import next_means
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time)

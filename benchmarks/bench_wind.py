@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flight_quantities import frames
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.wind import field, sources
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.observations import place_readings
-from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from wind_laws import gp as regression
 from wind_laws.lattice import wind_lattice
@@ -30,7 +30,7 @@ SCENE = Scene(
     np.zeros(2),
     {},
     (),
-    projection.local_plane(37.0, -92.0),
+    frames.local_plane(37.0, -92.0),
     "2018-10-09T00:00:00Z",
 )
 

@@ -19,12 +19,12 @@ import numpy as np
 import shapely
 import yaml
 
+from flight_quantities import frames
+from flight_quantities.sphere import on_sphere
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.sphere import on_sphere
 from pareto_ltl.wind.observations import project_readings
 from pareto_ltl.wind.records import WindObservations
-from pareto_ltl.world import projection
 from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
 from pareto_ltl_apps.formats.snapshots import latest_readings
 from wind_laws import gp
@@ -41,7 +41,7 @@ def fields(folder: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
     outline = shapely.Polygon(yaml.safe_load(AREA.read_text())["area"])
     inside = shapely.contains_xy(outline, readings.points[0])
     lonlat = readings.points[0][inside]
-    crs = projection.local_plane(*lonlat.mean(axis=0)[::-1])
+    crs = frames.local_plane(*lonlat.mean(axis=0)[::-1])
     winds = np.stack([w[inside] for w in readings.winds], axis=-1)  # (N, 2, K)
     places, turned = project_readings(crs, np.zeros(2), lonlat, winds)
     return on_sphere(lonlat), places, np.moveaxis(turned, 2, 0)

@@ -16,12 +16,12 @@ import time
 
 import numpy as np
 
+from flight_quantities import frames
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.wind.observations import FIT_RADIUS, project_readings
 from pareto_ltl.wind.records import WindObservations
 from pareto_ltl.wind.sources import read_readings
-from pareto_ltl.world import projection
 from wind_laws.gp import fit_posterior
 from wind_laws.places import thinned
 
@@ -32,7 +32,7 @@ WITHHELD, SPLITS = 0.25, 6
 
 def near_map(cfg: WindConfig) -> tuple[FloatArray, FloatArray]:
     """Places (n, 2) [m] and winds (n, 2) [m/s] around the map at the time with the most of them."""
-    readings, crs = read_readings(cfg), projection.local_plane(37.0, -92.0)
+    readings, crs = read_readings(cfg), frames.local_plane(37.0, -92.0)
     found = []
     for points, winds in zip(readings.points, readings.winds, strict=True):
         places, turned = project_readings(crs, np.zeros(2), points, winds[:, :, None])

@@ -29,7 +29,8 @@ from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("pareto_ltl/kernels", "plane_kernels")  # each has its machine code beside its sources
+# Each has its machine code beside its sources.
+PACKAGES = ("pareto_ltl/kernels", "plane_kernels", "plane_logic")
 DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive: equal content gives equal bytes
 
 

@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 from numpy.random import SeedSequence
 
-from pareto_ltl.kernels.bounds import World
+from pareto_ltl.kernels.data import World
 from pareto_ltl.kernels.motion import airspeed
 from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest

@@ -19,10 +19,10 @@ from numpy.random import Generator, SeedSequence
 from pymavlink.dialects.v20 import all as mavlink2
 
 from coherent import SCENE, STEPS, coherent_problem
+from flight_quantities.frames import local_plane
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.world.projection import local_plane
 from pareto_ltl_apps.flight import link as links
 from pareto_ltl_apps.flight.belief import Belief
 from pareto_ltl_apps.flight.clocks import Clock, StampClock, SteadyClock

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pareto_ltl.kernels.letters import states_along
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import FloatArray
 from plane_kernels.geometry import segments_touch
+from plane_logic.letters import states_along
 
 
 def succeeds(problem: Problem, x: FloatArray) -> bool:

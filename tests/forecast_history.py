@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from flight_quantities.sphere import on_sphere
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.sphere import on_sphere
 from pareto_ltl.wind.snapshots import Snapshot
 
 HOUR = 3600.0

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Logic
 from pareto_ltl.planning.pack_logic import Reading
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from plane_kernels.types import Corners
+from plane_logic.types import Logic
 
 
 def reading_of(

@@ -236,10 +236,8 @@ def test_the_journey_of_a_run_names_functions_where_they_are() -> None:
     steps = [(found["names"], found["file"]) for found in JOURNEY.finditer(text)]
     assert len(steps) > 40
     for names, file in steps:
-        folder, _, rest = file.partition("/")
-        place = {"apps": APPLICATIONS, "wind_laws": ROOT / "src" / "wind_laws"}.get(
-            folder, PACKAGE / folder
-        ) / rest
+        place = APPLICATIONS / file.removeprefix("apps/") if file.startswith("apps/") else PACKAGE / file
+        place = place if place.is_file() else PACKAGE.parent / file
         code = place.read_text(encoding="utf-8")
         for name in re.findall(r"[\w.*]+", re.split(r"->|  +", names)[-1]):
             pattern = name.rpartition(".")[2].replace("*", r"\w+")

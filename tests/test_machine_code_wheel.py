@@ -25,7 +25,7 @@ from unmeasured import untraced
 
 ROOT = Path(__file__).resolve().parents[1]
 INFO = "pareto_ltl-*.dist-info"
-PACKAGES = ("pareto_ltl/kernels", "plane_kernels")
+PACKAGES = ("pareto_ltl/kernels", "plane_kernels", "plane_logic")
 # Also counts what numba compiles without a cache. Names of compiled functions are the last line.
 RUN = """
 import sys

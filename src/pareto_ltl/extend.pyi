@@ -1,3 +1,5 @@
+from flight_quantities.heights import FlownAir as FlownAir
+from flight_quantities.heights import Height as Height
 from ltlf import Formula as Formula
 from ltlf import TransitionTable as TransitionTable
 from ltlf import letter_codes as letter_codes
@@ -67,8 +69,6 @@ from pareto_ltl.settings.checks import Declaration as Declaration
 from pareto_ltl.settings.checks import Setting as Setting
 from pareto_ltl.settings.checks import check_time as check_time
 from pareto_ltl.settings.checks import setting as setting
-from pareto_ltl.settings.heights import FlownAir as FlownAir
-from pareto_ltl.settings.heights import Height as Height
 from pareto_ltl.settings.wind import WindFormats as WindFormats
 from pareto_ltl.settings.wind import WindSource as WindSource
 from pareto_ltl.settings.wind import wind_sources as wind_sources

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,3 +103,26 @@ class Cells(NamedTuple):
     ptr: IntArray
     candidates: IntArray
     faces: Faces
+
+
+class StepBound(NamedTuple):
+    """A limit epsilon on the probability of a collision in a step, divided equally among the m barriers.
+
+    Barriers are polygons and half planes; ``z`` is the quantile of 1 - epsilon / m.
+    """
+
+    barriers: Faces
+    nearby: Nearby
+    z: float
+
+
+class PathBound(NamedTuple):
+    """Limits on the probability to collide with any barrier: ``epsilon`` in a step, ``delta`` on a path."""
+
+    barriers: Faces
+    nearby: Nearby
+    epsilon: float
+    delta: float
+
+
+CollisionBound: TypeAlias = StepBound | PathBound

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from rich.console import Console
 
+from flight_quantities.medium import WATER
 from pareto_ltl import Run
 from pareto_ltl.settings import Settings, preset
-from pareto_ltl.support.medium import WATER
 from pareto_ltl_apps.cli.output import collected_warnings
 from pareto_ltl_apps.cli.summary import (
     answer_line,

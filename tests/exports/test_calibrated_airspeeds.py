@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from exported_plans import Flown
+from flight_quantities.medium import AIR, WATER
 from pareto_ltl.settings import RobotConfig, Settings
 from pareto_ltl.settings.heights import flight_air, flight_height
-from pareto_ltl.support.medium import AIR, WATER
 from pareto_ltl_apps.exports.exported import MULTIROTOR, ExportedPlan, Vehicle, height_sentence
 from pareto_ltl_apps.exports.kinds import FORMATS
 from pareto_ltl_apps.exports.navigation_log import navigation_log

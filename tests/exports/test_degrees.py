@@ -7,8 +7,8 @@ import pytest
 import shapely
 from pyproj import Geod
 
+from flight_quantities.frames import local_plane
 from pareto_ltl.extend import Frame
-from pareto_ltl.world.projection import local_plane
 from pareto_ltl_apps.exports.degrees import crosses, line_parts, polygon_parts
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])

@@ -21,9 +21,9 @@ from uas_standards.astm.f3548.v21.api import OperationalIntentDetails
 
 import pareto_ltl
 from exported_plans import Flown, metres_apart, settings_named
+from flight_quantities.frames import local_plane
 from pareto_ltl.extend import Frame
 from pareto_ltl.support.schemas import check_document
-from pareto_ltl.world.projection import local_plane
 from pareto_ltl_apps.exports.exported import ExportedPlan, exported_plan
 from pareto_ltl_apps.exports.formats import holds_pole, writable_formats, write_exports
 from pareto_ltl_apps.exports.kinds import FORMATS

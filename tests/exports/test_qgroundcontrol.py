@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from exported_plans import Flown
-from pareto_ltl.settings.heights import Height
+from flight_quantities.heights import Height
 from pareto_ltl_apps.exports.exported import FIXED_WING, GENERIC, MULTIROTOR, SUBMARINE, Vehicle
 from pareto_ltl_apps.exports.kinds import FORMATS
 

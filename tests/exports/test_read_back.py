@@ -29,12 +29,12 @@ from pymavlink.dialects.v20 import all as mavlink
 from uas_standards.astm.f3548.v21.api import OperationalIntentDetails, Volume4D
 
 from exported_plans import Flown, metres_apart, seconds_apart
+from flight_quantities.heights import Height, level_height
+from flight_quantities.levels import parse_level
 from pareto_ltl.extend import Frame
 from pareto_ltl.planning.power import energy_model
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.settings.heights import Height, level_height
-from pareto_ltl.support.levels import parse_level
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl_apps.exports.exported import vehicle_of
 from pareto_ltl_apps.exports.kinds import FORMATS

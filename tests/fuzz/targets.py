@@ -186,7 +186,7 @@ def position_fixes(place: Path) -> Fuzz:
 
 
 def inventories(place: Path) -> Fuzz:
-    from pareto_ltl.support.levels import parse_level
+    from flight_quantities.levels import parse_level
     from pareto_ltl_apps.formats.inventories import parse_inventory, wind_parts
 
     def read(case: bytes) -> object:

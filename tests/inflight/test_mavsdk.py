@@ -23,7 +23,7 @@ from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.plugins.mavlink_direct import MavlinkDirect
 from pymavlink import mavutil
 
-from pareto_ltl.world.projection import local_plane
+from flight_quantities.frames import local_plane
 from pareto_ltl_apps.exports.mavlink import NAMES, SET_ORIGIN
 from pareto_ltl_apps.flight.sends import KINDS, Sender, at_leg, at_status, prologue_of
 from problems import box, make_scene

@@ -14,7 +14,7 @@ os.environ["MAVLINK20"] = "1"  # read when pymavlink is imported
 
 from pymavlink.dialects.v20 import all as mavlink2
 
-from pareto_ltl.support.atmosphere import standard_air
+from flight_quantities.atmosphere import standard_air
 from pareto_ltl_apps.flight.airspeeds import Airspeeds
 from pareto_ltl_apps.flight.clocks import StampClock, SteadyClock
 from pareto_ltl_apps.flight.link import logged_readings

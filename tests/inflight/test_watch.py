@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
 from coherent import coherent_problem
+from flight_quantities.medium import WATER
 from levels import AT_NIGHT
 from pareto_ltl.planning.power import Body, EnergyModel
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import RobotConfig
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.medium import WATER
 from pareto_ltl_apps.flight.journal import SCHEMA, Journal, read_journal
 from pareto_ltl_apps.flight.lines import event_line
 from pareto_ltl_apps.flight.rules import Event

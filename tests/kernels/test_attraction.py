@@ -9,9 +9,9 @@ from scipy.spatial import ConvexHull
 
 from oracle.attraction import attraction
 from pareto_ltl.kernels.attraction import add_attraction
-from pareto_ltl.kernels.margin import Slope
 from pareto_ltl.planning.pack import pack_landmarks
 from pareto_ltl.settings import RobotConfig
+from plane_logic.margin import Slope
 
 
 @given(

@@ -7,8 +7,8 @@ from itertools import chain, combinations
 import numpy as np
 import pytest
 
-from pareto_ltl.kernels.claim_lists import Claims, drop_needless, enter_claim, is_needless
 from plane_kernels.clearance import CERTAIN
+from plane_logic.claim_lists import Claims, drop_needless, enter_claim, is_needless
 
 
 def sets_of(regions: int) -> list[frozenset[int]]:

@@ -18,8 +18,9 @@ from pathlib import Path
 import pytest
 
 import plane_kernels
+import plane_logic
 from pareto_ltl import kernels
-from pareto_ltl.kernels.collision_risk import step_allowed
+from plane_kernels.collision_risk import step_allowed
 from typed_kernels import code_cache, code_files, shipped_code
 from typed_kernels.code_cache import FOREIGN, code_stamp, reachable_sources
 from typed_kernels.jit import IMPLEMENTATIONS, by_type, implements, source_file
@@ -28,6 +29,8 @@ from unmeasured import untraced
 
 KERNELS = Path(kernels.__file__).parent
 PLANE_KERNELS = Path(plane_kernels.__file__).parent
+PLANE_LOGIC = Path(plane_logic.__file__).parent
+FOLDERS = KERNELS, PLANE_KERNELS, PLANE_LOGIC
 TYPED_KERNELS = Path(code_cache.__file__).parent
 # One square cell. Each process of these tests imports again, so little is imported. One test renames Cells.
 PROGRAM = """
@@ -51,25 +54,25 @@ print(json.dumps(installation() | {"target": process_target()}))
 """
 
 
-def names(file: str) -> set[str]:
-    return {source.stem for source in reachable_sources(KERNELS / file)}
+def names(file: Path) -> set[str]:
+    return {source.stem for source in reachable_sources(file)}
 
 
 def test_a_file_reaches_what_it_imports_directly_or_through_others():
     assert {"growth", "tree", "parents", "collision_risk", "gaussian", "data", "types", "jit"} <= names(
-        "growth.py"
+        KERNELS / "growth.py"
     )
-    assert not {"margin", "flight", "visibility", "importance"} & names("growth.py")
-    assert "growth" not in names("margin.py")
+    assert not {"margin", "flight", "visibility", "importance"} & names(KERNELS / "growth.py")
+    assert "growth" not in names(PLANE_LOGIC / "margin.py")
 
 
 def test_modules_that_a_file_imports_as_such_are_reached():
-    assert {"claim_lists", "claim_rows"} <= names("margin.py")
+    assert {"claim_lists", "claim_rows"} <= names(PLANE_LOGIC / "margin.py")
 
 
 @pytest.mark.parametrize(
     "file",
-    sorted(file for folder in (KERNELS, PLANE_KERNELS, TYPED_KERNELS) for file in folder.glob("*.py")),
+    sorted(file for folder in (*FOLDERS, TYPED_KERNELS) for file in folder.glob("*.py")),
     ids=lambda file: f"{file.parent.name}.{file.stem}",
 )
 def test_the_pattern_of_imports_finds_what_the_parser_finds(file):
@@ -90,7 +93,7 @@ def test_the_pattern_of_imports_finds_what_the_parser_finds(file):
 
 ENTRIES = [
     file
-    for file in sorted([*KERNELS.glob("*.py"), *PLANE_KERNELS.glob("*.py")])
+    for file in sorted(file for folder in FOLDERS for file in folder.glob("*.py"))
     if re.search(r"^@(entry|allocating)", file.read_text(), re.M)
 ]
 
@@ -108,12 +111,12 @@ def test_a_file_that_reaches_a_choice_reaches_the_code_of_every_model(file):
 def test_code_that_others_add_to_a_model_changes_the_stamps_of_what_can_reach_it(monkeypatch):
     reaching, other = KERNELS / "growth.py", PLANE_KERNELS / "visibility.py"
     before = code_stamp(reaching), code_stamp(other)
-    assert KERNELS / "collision_risk.py" in reachable_sources(reaching) - reachable_sources(other)
-    monkeypatch.setitem(FOREIGN, KERNELS / "collision_risk.py", set())
+    assert PLANE_KERNELS / "collision_risk.py" in reachable_sources(reaching) - reachable_sources(other)
+    monkeypatch.setitem(FOREIGN, PLANE_KERNELS / "collision_risk.py", set())
     chosen = IMPLEMENTATIONS[step_allowed]
     monkeypatch.setattr(chosen, "implementations", dict(chosen.implementations))
     implements(step_allowed, complex)(lambda bound, before, here: True)
-    assert FOREIGN[KERNELS / "collision_risk.py"] == {Path(__file__)}
+    assert FOREIGN[PLANE_KERNELS / "collision_risk.py"] == {Path(__file__)}
     assert code_stamp(reaching) != before[0]
     assert code_stamp(other) == before[1]
 
@@ -145,7 +148,7 @@ def test_imports_of_other_packages_of_kernels_and_of_neighbours_are_followed(tmp
 
 
 def test_a_package_of_kernels_is_known_by_its_first_kernel():
-    assert (PACKAGES["pareto_ltl.kernels"], PACKAGES["plane_kernels"]) == (KERNELS, PLANE_KERNELS)
+    assert tuple(PACKAGES[name] for name in ("pareto_ltl.kernels", "plane_kernels", "plane_logic")) == FOLDERS
     assert not {"pareto_ltl", "pareto_ltl.planning", "numpy"} & set(PACKAGES)
 
 
@@ -158,7 +161,7 @@ def test_one_line_on_a_terminal_names_the_program_whichever_package_compiles_fir
 
 
 def test_different_files_have_different_stamps():
-    assert code_stamp(KERNELS / "growth.py") != code_stamp(KERNELS / "margin.py")
+    assert code_stamp(KERNELS / "growth.py") != code_stamp(KERNELS / "flight.py")
 
 
 @dataclass
@@ -226,7 +229,7 @@ class Program:
 def copied(folder: Path) -> Program:
     """A copy of the package in ``folder``."""
     leave_out = shutil.ignore_patterns("__pycache__", "machine_code")
-    for package in (KERNELS.parent, PLANE_KERNELS, TYPED_KERNELS):
+    for package in (KERNELS.parent, PLANE_KERNELS, PLANE_LOGIC, TYPED_KERNELS):
         shutil.copytree(package, folder / "src" / package.name, ignore=leave_out)
     for name in ("conf", "pipelines"):
         shutil.copytree(KERNELS.parents[2] / name, folder / name)
@@ -242,7 +245,7 @@ def test_a_change_compiles_anew_what_it_can_reach_and_nothing_else(program):
     assert program() == "compiled"
     assert program() == "reused"
 
-    other = program.kernels / "margin.py"
+    other = program.kernels / "flight.py"
     other.write_text(other.read_text() + "\n# another kernel\n")
     assert program() == "reused"
 

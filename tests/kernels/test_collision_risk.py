@@ -8,11 +8,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from pareto_ltl.kernels import collision_risk as kernel
-from pareto_ltl.kernels.bounds import PathBound, StepBound
 from pareto_ltl.planning.pack import pack_faces, pack_nearby
+from plane_kernels import collision_risk as kernel
 from plane_kernels.geometry import look_around
-from plane_kernels.types import Cov, Gaussian, Point
+from plane_kernels.types import Cov, Gaussian, PathBound, Point, StepBound
 from problems import KM, box, make_problem, make_scene, polygon_faces, two_goals
 
 some = settings(deadline=None, max_examples=40)

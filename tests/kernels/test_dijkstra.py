@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.kernels.dijkstra import Product, find_lead, list_edges, shortest_lead
 from pareto_ltl.planning.product_graph import empty_heap
+from plane_logic.dijkstra import Product, find_lead, list_edges, shortest_lead
 
 some = settings(deadline=None, max_examples=100)
 

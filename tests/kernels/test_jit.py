@@ -12,21 +12,29 @@ import pytest
 from numba import config
 
 import pareto_ltl.kernels
-from pareto_ltl.kernels import bounds, data, flight, pilots
-from pareto_ltl.kernels.claim_lists import ClaimLists
-from pareto_ltl.kernels.claim_rows import ClaimRows
+import plane_kernels
+import plane_logic
+from pareto_ltl.kernels import data, flight, pilots
 from pareto_ltl.planning import evaluate
 from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.simulation import flights
+from plane_kernels.types import CollisionBound
+from plane_logic.claim_lists import ClaimLists
+from plane_logic.claim_rows import ClaimRows
 from typed_kernels.jit import IMPLEMENTATIONS, by_type, implements, kernel
 
-for module in pkgutil.iter_modules(pareto_ltl.kernels.__path__):
-    importlib.import_module(f"pareto_ltl.kernels.{module.name}")
+FOLDERS = {
+    package.__name__: Path(package.__path__[0])
+    for package in (pareto_ltl.kernels, plane_kernels, plane_logic)
+}
+for package, folder in FOLDERS.items():
+    for module in pkgutil.iter_modules([str(folder)]):
+        importlib.import_module(f"{package}.{module.name}")
 PACKAGED = [chosen for chosen in IMPLEMENTATIONS.values() if chosen.chosen.__module__ != __name__]
 
 FAMILIES = {
     "law": set(get_args(data.Law)),
-    "collision": set(get_args(bounds.CollisionBound)),
+    "collision": set(get_args(CollisionBound)),
     "draws": {flight.IndependentDraws, flight.CoherentDraws, flight.LinearDraws},
     "pilot": {pilots.Autopilot, pilots.Navigator, pilots.ErringPilot, pilots.RejoiningPilot},
     "claims": {ClaimLists, ClaimRows},
@@ -109,20 +117,27 @@ def test_every_model_has_its_memory_its_strategy_and_its_name():
 HELPERS = {"kernel", "inlined", "vector"}  # a run that calls one from Python compiles a second copy of it
 
 
+def sources_of_kernels():
+    """Package and path of each module."""
+    for package, folder in FOLDERS.items():
+        for path in sorted(folder.glob("*.py")):
+            yield package, path
+
+
 def marked_functions(wanted):
     """The functions of kernels with one of the decorators ``wanted``, as ``module.name``."""
-    for path in sorted(Path(pareto_ltl.kernels.__path__[0]).glob("*.py")):
+    for package, path in sources_of_kernels():
         for node in ast.parse(path.read_text()).body:
             marks = {getattr(mark, "id", "") for mark in getattr(node, "decorator_list", ())}
             if marks & wanted:
-                yield f"pareto_ltl.kernels.{path.stem}.{node.name}"
+                yield f"{package}.{path.stem}.{node.name}"
 
 
 def kernels_read(path):
     """What the Python file ``path`` reads of the modules of kernels, as ``module.name``."""
     tree, modules = ast.parse(path.read_text()), {}
     for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("pareto_ltl.kernels"):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(tuple(FOLDERS)):
             for alias in node.names:
                 modules[alias.asname or alias.name] = f"{node.module}.{alias.name}"
     yield from modules.values()
@@ -144,8 +159,8 @@ def test_python_calls_no_helper_of_kernels():
 
 
 def called_kernels(entries):
-    """Calls of the functions ``entries`` in the folder of kernels."""
-    for path in sorted(Path(pareto_ltl.kernels.__path__[0]).glob("*.py")):
+    """Calls of the functions ``entries`` in the folders of kernels."""
+    for _, path in sources_of_kernels():
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Call):
                 name = getattr(node.func, "id", getattr(node.func, "attr", ""))

@@ -15,7 +15,6 @@ from levels import AT_NIGHT
 from oracle.path_risk import ordered_bound
 from oracle.segments import meeting_bounds, states_of_flight
 from pareto_ltl.extend import Forecast, simulate_flights
-from pareto_ltl.kernels.letters import states_along
 from pareto_ltl.planning.evaluate import ordered_mission_risk, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem
@@ -24,6 +23,7 @@ from pareto_ltl.support.arrays import FloatArray, IntArray, square_matrices
 from pareto_ltl_verify.flights import Ground
 from pareto_ltl_verify.formula import Dfa
 from pareto_ltl_verify.geometry import convex
+from plane_logic.letters import states_along
 from problems import KM, MISSIONS, RARE, box, make_problem, make_scene, paper_problem, steady_wind
 
 REGIONS = {"a": box(14, 8, 18, 12), "b": box(8, 3, 9, 19), "c": box(1, 12, 19, 14)}

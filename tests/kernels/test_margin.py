@@ -16,8 +16,6 @@ from numpy.random import SeedSequence
 
 from oracle.margin import flight_margin, segment_distance
 from pareto_ltl.extend import simulate_flights
-from pareto_ltl.kernels import margin as kernel
-from pareto_ltl.kernels.margin_events import SATURATED
 from pareto_ltl.planning.margin_model import claim_lists, margin_model, margin_scratch
 from pareto_ltl.planning.pack import pack_corners, pack_faces
 from pareto_ltl.planning.problem import Problem
@@ -27,6 +25,8 @@ from pareto_ltl.world.scene import Scene
 from plane_kernels.boxes import SegmentBox, least_gaps
 from plane_kernels.clearance import beyond_reach
 from plane_kernels.types import Point
+from plane_logic import margin as kernel
+from plane_logic.margin_events import SATURATED
 from problems import KM, box, make_problem, make_scene, steady_wind
 from strategies import NAMES, SIDE, convex_polygons, formulas, scenes
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pareto_ltl.kernels.neighbours import Bins, bin_of, kd_insert, kd_nearest, remember
+from plane_kernels.neighbours import Bins, bin_of, kd_insert, kd_nearest, remember
 from plane_kernels.types import Point
 from problems import RARE, chi_square_chance
 

@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from ltlf.dfa import acceptance_distances, language_inclusion
 from one_epoch import one_epoch, reading_of
 from oracle.live_bound import keep_live, live_bound, read_live_letter
-from pareto_ltl.kernels.bounds import StateLists
-from pareto_ltl.kernels.ordered_bound import (
+from pareto_ltl.planning.pack_logic import Reading, empty_letters, follow_states, live_rows
+from plane_kernels.types import Cells, Corners, Faces
+from plane_logic.ordered_bound import (
     begin_bound,
     note_letters,
     read_letter,
     stays,
 )
-from pareto_ltl.planning.pack_logic import Reading, empty_letters, follow_states, live_rows
-from plane_kernels.types import Cells, Corners, Faces
+from plane_logic.types import StateLists
 
 some = settings(deadline=None, max_examples=150)
 

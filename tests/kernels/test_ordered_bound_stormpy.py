@@ -14,10 +14,10 @@ import pytest
 
 from one_epoch import one_epoch, reading_of
 from oracle import path_risk
-from pareto_ltl.kernels.ordered_bound import begin_bound, note_letters, read_letter
 from pareto_ltl.planning.pack_logic import Reading, empty_letters, follow_states, live_rows
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from plane_kernels.types import Cells, Corners, Faces
+from plane_logic.ordered_bound import begin_bound, note_letters, read_letter
 
 stormpy = pytest.importorskip("stormpy")
 

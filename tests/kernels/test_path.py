@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from coherent import STEPS, coherent_problem
 from oracle import path_risk as risk
 from pareto_ltl.kernels import path as kernel
-from pareto_ltl.kernels.mission_risk import theorem2_risks
 from pareto_ltl.planning.evaluate import cross_covariance, propagate
 from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.simulation.flights import draw_coherent
 from plane_kernels.gaussian import inside
+from plane_logic.mission_risk import theorem2_risks
 from problems import (
     KM,
     along,

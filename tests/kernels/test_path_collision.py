@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import ndtr
 
-from pareto_ltl.kernels import path_collision as kernel
-from pareto_ltl.kernels.path_collision import collision_bound
 from pareto_ltl.planning.evaluate import collision_risk, propagate
 from pareto_ltl.planning.pack import pack_faces, pack_nearby
 from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl_verify.gaussians import Convex, growing, path_bound
+from plane_kernels import path_collision as kernel
 from plane_kernels.geometry import SLACK
+from plane_kernels.path_collision import collision_bound
 from plane_kernels.types import Faces
 from problems import KM, along, box, make_problem, make_scene, polygon_faces, three_columns, two_goals
 

@@ -1,12 +1,12 @@
-"""The ordered bound kept for live states, with dictionaries (:mod:`pareto_ltl.kernels.ordered_bound`)."""
+"""The ordered bound kept for live states, with dictionaries (:mod:`plane_logic.ordered_bound`)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from pareto_ltl.kernels.ordered_bound import STEP_WORTH
 from pareto_ltl.planning.pack_logic import Reading
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from plane_logic.ordered_bound import STEP_WORTH
 
 
 def live_bound(logic: Reading, entries: Mapping[int, float], p: int) -> float:

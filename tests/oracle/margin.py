@@ -1,4 +1,4 @@
-"""The margin of a flight in plain NumPy, claim by claim: the readable form of ``kernels.margin``.
+"""The margin of a flight in plain NumPy, claim by claim: the readable form of ``plane_logic.margin``.
 
 W_t(p) is the margin [m] of the claim "after step t the state is at least as good as p". Before the first
 letter it is +∞ for q₀ and -∞ for every other claim; then, with S_t the segment to x_t,

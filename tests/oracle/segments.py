@@ -1,4 +1,4 @@
-"""Letters that are read between steps, in plain NumPy: the readable form of ``kernels.letters``."""
+"""Letters that are read between steps, in plain NumPy: the readable form of ``plane_logic.letters``."""
 
 from __future__ import annotations
 

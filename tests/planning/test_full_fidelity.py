@@ -9,7 +9,7 @@ import pytest
 from numpy.random import SeedSequence
 from scipy.stats import norm
 
-from pareto_ltl.kernels.bounds import World
+from pareto_ltl.kernels.data import World
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.records import objective_row

@@ -10,7 +10,7 @@ import pytest
 from numpy.random import SeedSequence
 
 from pareto_ltl.extend import draw_flights, simulate_flights
-from pareto_ltl.kernels.bounds import World
+from pareto_ltl.kernels.data import World
 from pareto_ltl.planning.evaluate import airspeed_limits, completes_mission, evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model

@@ -10,8 +10,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from oracle.margin import flight_margin
-from pareto_ltl.kernels.margin import Slope, smoothed_failure
-from pareto_ltl.kernels.margin_events import Guards
 from pareto_ltl.planning.margin_model import (
     hazards_bar,
     margin_model,
@@ -24,6 +22,8 @@ from pareto_ltl.planning.pack_logic import LIVE, Reading
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.sampled import Refiner
 from pareto_ltl.support.arrays import FloatArray
+from plane_logic.margin import Slope, smoothed_failure
+from plane_logic.margin_events import Guards
 from problems import KM, along, box, make_problem, make_scene, steady_wind
 from strategies import formulas
 

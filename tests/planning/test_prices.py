@@ -10,7 +10,6 @@ import shapely
 from numpy.random import SeedSequence
 
 from pareto_ltl.extend import draw_flights, simulate_flights
-from pareto_ltl.kernels import margin as km
 from pareto_ltl.planning.evaluate import completing_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
@@ -20,6 +19,7 @@ from pareto_ltl.planning.refine.separation import separation
 from pareto_ltl.planning.refine.sweep import first_of
 from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
 from pareto_ltl.support.arrays import length_of
+from plane_logic import margin as km
 from problems import box, make_problem, make_scene, smooth_wind
 
 STEP = 2.0  # [m] of a finite difference

@@ -11,11 +11,11 @@ import shapely
 from hypothesis import given, settings
 from numpy.random import SeedSequence
 
-from pareto_ltl.kernels.dijkstra import list_edges, shortest_lead
 from pareto_ltl.planning import growth
 from pareto_ltl.planning import product_graph as guide
 from pareto_ltl.settings import PlannerConfig
 from pareto_ltl.world import cells as workspace
+from plane_logic.dijkstra import list_edges, shortest_lead
 from problems import KM, box, make_problem, make_scene, two_goals
 from strategies import scenes
 

@@ -10,10 +10,10 @@ import shapely
 
 from landmarks import LANDMARK_SCENE, landmark_problem
 from pareto_ltl.kernels.attraction import add_attraction
-from pareto_ltl.kernels.margin import Slope
 from pareto_ltl.planning.refine.starts import roadmap_starts
 from pareto_ltl.planning.routes.roadmap import led_lines
 from pareto_ltl.planning.routes.search_map import sights
+from plane_logic.margin import Slope
 from problems import KM, box
 
 MARKS = (box(5, 9, 7, 11), box(10, 4, 12, 6))

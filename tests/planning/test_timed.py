@@ -18,12 +18,12 @@ from oracle.margin import mission_margin
 from oracle.path_risk import ordered_bound, theorem2_bound
 from oracle.segments import states_of_flight
 from pareto_ltl.extend import Deployment, simulate_flights
-from pareto_ltl.kernels.letters import states_along
 from pareto_ltl.logic import parse_formula
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.windows import Window
+from plane_logic.letters import states_along
 from problems import KM, RARE, along, box, make_problem, make_scene, steady_wind
 
 DT = 100.0  # [s] a step of the test robot, which flies 1 km in it
@@ -147,8 +147,8 @@ def test_an_obstacle_that_stands_for_a_time_is_met_on_the_way_while_it_stands(
 
 @pytest.mark.parametrize("formula", sorted(TASKS))
 def test_margins_are_those_of_the_plain_road_and_agree_with_the_verdict(formula: str) -> None:
-    from pareto_ltl.kernels.margin import Slope, smoothed_failure
     from pareto_ltl.planning.margin_model import margin_model, margin_scratch
+    from plane_logic.margin import Slope, smoothed_failure
 
     problem, rng = TASKS[formula], np.random.default_rng(3)
     base = along((2, 10), (7, 10), (10, 13), (15, 11), step=1.9)

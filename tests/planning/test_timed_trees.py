@@ -10,12 +10,12 @@ import pytest
 from numpy.random import SeedSequence
 
 from oracle.segments import states_of_flight
-from pareto_ltl.kernels.letters import states_along
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.settings import PlannerConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.world.windows import Window
+from plane_logic.letters import states_along
 from problems import box, make_problem, make_scene, steady_wind
 
 DT = 100.0  # [s] a step of the test robot, which flies 1 km in it

@@ -11,9 +11,9 @@ import pytest
 
 import pareto_ltl
 from drawn_world import path_of, scene_of
+from flight_quantities.medium import AIR, WATER
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.support.medium import AIR, WATER
 from pareto_ltl.world.windows import Window
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.view.legs import (

@@ -19,10 +19,10 @@ import pareto_ltl
 from careful_io.texts import probability_text
 from drawn_world import path_of, plan_of, run_records, scene_of
 from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
+from flight_quantities.medium import AIR, WATER, Medium
 from pareto_ltl.planning.limits import Price, SegmentLimits
 from pareto_ltl.planning.records import Plan
 from pareto_ltl.support.display import allowed_text
-from pareto_ltl.support.medium import AIR, WATER, Medium
 from pareto_ltl_apps.view import style
 from pareto_ltl_apps.view.figures import draw_run_figures
 from pareto_ltl_apps.view.limits import (

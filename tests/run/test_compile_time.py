@@ -13,6 +13,7 @@ import pytest
 from rich.console import Console
 
 import plane_kernels
+import plane_logic
 from pareto_ltl import kernels
 from pareto_ltl.run.compile_costs import COSTS
 from pareto_ltl.run.progress import ProgressBar
@@ -21,7 +22,9 @@ from typed_kernels import code_cache, code_files
 from typed_kernels.compile_time import CompileTime, seconds_text
 from typed_kernels.watching import compilation_begins, compilation_ends
 
-KERNELS, PLANE_KERNELS = Path(kernels.__file__).parent, Path(plane_kernels.__file__).parent
+FOLDERS = KERNELS, PLANE_KERNELS, _ = [
+    Path(str(package.__file__)).parent for package in (kernels, plane_kernels, plane_logic)
+]
 
 
 class Clock:
@@ -38,7 +41,7 @@ def test_every_kernel_with_a_cost_exists() -> None:
         assert len(costs) > 10
         for kernel in costs:
             module, name = kernel.split(".")
-            sources = (folder / f"{module}.py" for folder in (KERNELS, PLANE_KERNELS))
+            sources = (folder / f"{module}.py" for folder in FOLDERS)
             (source,) = (file.read_text(encoding="utf-8") for file in sources if file.is_file())
             assert f"\ndef {name}(" in source, kernel
 
@@ -142,6 +145,6 @@ def test_ctrl_c_while_it_compiles_leaves_no_process_and_no_broken_code(tmp_path:
     for file in files:
         assert not file.name.startswith("."), "a draft"
         kernel = file.read_bytes()[code_files.START :].split(b"\n", 1)[0].decode()
-        folder = PLANE_KERNELS if file.parent.name.startswith("plane_kernels_") else KERNELS
+        (folder,) = (one for one in FOLDERS if file.parent.name.startswith(f"{one.name}_"))
         source = folder / f"{file.name.partition('.')[0]}.py"
         assert code_files.read_code(file, source, kernel) is not None

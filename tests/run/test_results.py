@@ -20,6 +20,7 @@ from hypothesis.extra import numpy as hnp
 from careful_io.archives import read_npz
 from careful_io.files import whole_file, write_json, write_npz
 from careful_io.reading import read_json
+from flight_quantities.frames import local_plane
 from pareto_ltl.logic import Automaton, translate
 from pareto_ltl.planning import plan_files
 from pareto_ltl.planning.plan_files import NAVIGATION_KEYS
@@ -30,7 +31,6 @@ from pareto_ltl.settings import preset
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.world.cells import Decomposition
-from pareto_ltl.world.projection import local_plane
 from pareto_ltl.world.scene import Scene
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])

@@ -11,18 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flight_quantities.heights import FlownAir, Height, MeasuredAir
+from flight_quantities.levels import parse_level
 from pareto_ltl.settings import RobotConfig, SceneConfig, Settings, WindConfig
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.settings.heights import (
-    FlownAir,
-    Height,
-    MeasuredAir,
-    flight_air,
-    flight_height,
-    temperature_doubt,
-)
+from pareto_ltl.settings.heights import flight_air, flight_height, temperature_doubt
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.levels import parse_level
 from pareto_ltl_apps.exports.settings import ExportsConfig
 
 

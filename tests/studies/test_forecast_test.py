@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 
 from careful_io.times import seconds
 from figure_texts import labels_without_unit, texts_of, texts_outside, wrong_texts
+from flight_quantities import frames
 from forecast_winds import AREA, HOUR, NODES, calm, context_of, settings, snapshots
 from noaa import NOAA, needs_noaa
 from pareto_ltl.extend import Frame, Study
 from pareto_ltl.support.errors import DataError, InfeasibleError
-from pareto_ltl.world import projection
 from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl_apps.studies import forecast_test as study
 from pareto_ltl_apps.studies.known_winds import DepartureWinds
@@ -78,7 +78,7 @@ def test_the_fields_that_are_read_cover_a_scene_at_the_edge_of_the_area(corner: 
     east, north = AREA[corner]
     half = 400e3 + cfg.wind.padding
     outline = half * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    lon, lat = Frame(projection.local_plane(north, east)).to_geographic(outline)
+    lon, lat = Frame(frames.local_plane(north, east)).to_geographic(outline)
     assert study.needed_area(cfg, cfg.forecast_test).contains(np.column_stack([lon, lat])).all()
 
 

@@ -13,13 +13,13 @@ import shapely
 
 import small_study
 from careful_io.times import iso
+from flight_quantities import frames
 from noaa import NOAA, needs_noaa
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.observations import project_readings
 from pareto_ltl.wind.readings import Readings
 from pareto_ltl.wind.records import WindField
-from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl_apps.studies import forecast_test
@@ -52,7 +52,7 @@ def readings(hours=(0, 3, 6, 9), lonlat=None, winds=None) -> Readings:
 
 def scene(lat=40.0, lon=-100.0, side=600e3) -> Scene:
     bounds = side / 2 * np.array([[-1.0, -1.0], [1.0, 1.0]])
-    return Scene(bounds, np.zeros(2), {}, (), projection.local_plane(lat, lon), iso(START))
+    return Scene(bounds, np.zeros(2), {}, (), frames.local_plane(lat, lon), iso(START))
 
 
 # --- full fields -----------------------------------------------------------------------------

@@ -12,6 +12,7 @@ import pytest
 from numpy.random import SeedSequence
 from pyproj import Geod
 
+from flight_quantities.atmosphere import standard_air, true_airspeed
 from pareto_ltl.extend import Frame
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan
@@ -19,7 +20,6 @@ from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.results import planned_run
 from pareto_ltl.settings import Settings
 from pareto_ltl.simulation.flights import draw_block, fly_block, pilot_maker
-from pareto_ltl.support.atmosphere import standard_air, true_airspeed
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.studies import sitl

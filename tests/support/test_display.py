@@ -7,7 +7,7 @@ from types import ModuleType
 
 import pytest
 
-from pareto_ltl.support import atmosphere, display, levels
+from pareto_ltl.support import display, levels
 from pareto_ltl.support.display import (
     allowed_text,
     answer_text,
@@ -19,9 +19,7 @@ from pareto_ltl.support.display import (
 from pareto_ltl_apps.formats import speed_units
 
 
-@pytest.mark.parametrize(
-    "module", [atmosphere, display, levels, speed_units], ids=lambda module: module.__name__
-)
+@pytest.mark.parametrize("module", [display, levels, speed_units], ids=lambda module: module.__name__)
 def test_the_examples_in_docstrings_are_true(module: ModuleType) -> None:
     failed, tried = doctest.testmod(module)
     assert failed == 0

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from careful_io.fingerprints import file_fingerprint
+from flight_quantities.frames import local_plane
 from pareto_ltl.settings import Settings, WindConfig
 from pareto_ltl.settings.wind import wind_sources
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.records import WindField
 from pareto_ltl.wind.sources import data_files, read_readings, source_of_path
-from pareto_ltl.world.projection import local_plane
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_files import write_scene
 from pareto_ltl_verify.claims import Verdict, readings

@@ -11,9 +11,7 @@ import pytest
 
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.atmosphere import temperature_scale
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.levels import Level, nearest_level, parse_level
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.air import MapAir, NodeAir, map_air
 from pareto_ltl.wind.readings import Readings
@@ -282,22 +280,6 @@ def test_members_are_averaged() -> None:
     assert found is not None
     assert found.temperature.tolist() == [282.0] * 4
     assert NodeAir.mean_of([None]) is None
-
-
-def test_the_level_of_a_temperature_is_near_that_of_the_wind() -> None:
-    levels = [parse_level(text) for text in ("2m", "80m", "500m", "925hPa")]
-    assert nearest_level(levels, Level("height", 100.0)) == levels[1]
-    assert nearest_level(levels[2:], Level("height", 100.0)) is None
-    assert nearest_level(levels, parse_level("925hPa")) == levels[3]
-    assert nearest_level(levels, parse_level("850hPa")) is None
-
-
-def test_units_become_kelvin() -> None:
-    for unit, value in (("K", 273.15), ("degC", 0.0), ("deg C", 0.0), ("°F", 32.0)):
-        scale = temperature_scale(unit)
-        assert scale is not None
-        assert value * scale[0] + scale[1] == pytest.approx(273.15)
-    assert temperature_scale("") is None
 
 
 def test_pressures_that_no_air_has_are_refused() -> None:

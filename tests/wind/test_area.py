@@ -7,14 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flight_quantities import frames
+from flight_quantities.sphere import on_sphere
 from pareto_ltl.extend import Frame
 from pareto_ltl.settings import SceneConfig
-from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.levels import Level, level_list, parse_level
-from pareto_ltl.support.sphere import on_sphere
 from pareto_ltl.wind import area
 from pareto_ltl.wind.area import GeoBox, neighbourhood
-from pareto_ltl.world import projection
 
 SQUARE = {"unit": 1e5, "bounds": [[0, 0], [10, 10]], "start": [1, 1]}
 places = st.tuples(st.floats(-180, 180), st.floats(-89, 89))
@@ -46,7 +44,7 @@ def test_a_widened_box_holds_all_that_is_within_the_margin(centre, other):
 @given(st.floats(-89, 89), st.floats(-180, 180))
 def test_the_neighbourhood_of_a_scene_holds_500_km_around_it(lat, lon):
     box = neighbourhood(SceneConfig(centre=[lat, lon], **SQUARE))
-    crs = projection.local_plane(lat, lon)
+    crs = frames.local_plane(lat, lon)
     around = np.linspace(0, 2 * np.pi, 40)
     ring = 5e5 * np.sqrt(2) * np.stack([np.cos(around), np.sin(around)], axis=1)
     ring = ring * (1 + 5e5 / 7.1e5)
@@ -58,28 +56,6 @@ def test_the_neighbourhood_of_a_scene_holds_500_km_around_it(lat, lon):
 def test_a_scene_that_lies_nowhere_has_no_neighbourhood():
     assert neighbourhood(SceneConfig(**SQUARE)) is None
     assert neighbourhood(SceneConfig()) is None
-
-
-@pytest.mark.parametrize(
-    ("text", "shown"),
-    [("10m", "10m"), ("80 m", "80m"), ("0.5 KM", "500m"), ("925hPa", "925hPa"), ("925mb", "925hPa"),
-     ("92500 Pa", "925hPa"), ("0m depth", "0m depth"), ("10m depth", "10m depth")],
-)  # fmt: skip
-def test_levels_are_read_in_the_units_that_people_use(text, shown):
-    assert parse_level(text).text == shown
-    assert parse_level(parse_level(text).text) == parse_level(text)
-
-
-@pytest.mark.parametrize("text", ["", "surface", "10", "-5m", "925hPa depth", "0hPa", "9" * 400 + "m"])
-def test_what_is_no_level_is_refused_with_examples(text):
-    with pytest.raises(ConfigError, match=r"is not a level; expected a height above ground \(10m, 80m\)"):
-        parse_level(text)
-
-
-def test_many_levels_are_listed_shortly():
-    texts = level_list([Level("pressure", 1000.0 * k) for k in range(1, 20)])
-    assert texts.endswith("and 7 more")
-    assert texts.startswith("10hPa, 20hPa")
 
 
 def test_of_a_fine_grid_an_even_selection_is_picked_densest_near_the_scene(monkeypatch):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flight_quantities import frames
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind import field
@@ -15,13 +16,12 @@ from pareto_ltl.wind.coverage import OwnErrors, coverage_of, held_warning, level
 from pareto_ltl.wind.named_laws import law_named
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import CALM, Readings
-from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from wind_laws.tables import time_variances
 
 START = 1539043200.0  # 2018-10-09T00:00:00Z
 SCENE = Scene(
-    np.array([[-2e5, -2e5], [2e5, 2e5]]), np.zeros(2), {}, (), projection.local_plane(37.0, -92.0),
+    np.array([[-2e5, -2e5], [2e5, 2e5]]), np.zeros(2), {}, (), frames.local_plane(37.0, -92.0),
     "2018-10-09T01:00:00Z",
 )  # fmt: skip
 

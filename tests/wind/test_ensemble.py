@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from flight_quantities import frames
 from noaa import NOAA, needs_noaa
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.wind import field, sources
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.snapshots import Snapshot
-from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from pareto_ltl_apps.formats.snapshots import ensemble_readings
 from wind_files import REGULAR, U10, V10, grib_message
@@ -27,7 +27,7 @@ START = 1539043200.0  # 2018-10-09T00:00:00Z
 LON, LAT = (a.ravel() for a in np.meshgrid(np.arange(-100.0, -83.0), np.arange(30.0, 45.0)))
 NODES = np.stack([LON, LAT], axis=-1)
 SCENE = Scene(
-    np.array([[-4e5, -4e5], [4e5, 4e5]]), np.zeros(2), {}, (), projection.local_plane(37.0, -92.0),
+    np.array([[-4e5, -4e5], [4e5, 4e5]]), np.zeros(2), {}, (), frames.local_plane(37.0, -92.0),
     "2018-10-09T00:00:00Z",
 )  # fmt: skip
 FILES = (Path("members/one"),)

@@ -16,6 +16,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from careful_io.archives import read_npz
 from careful_io.files import write_npz
+from flight_quantities import frames
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.resources import PACKAGE
@@ -24,7 +25,6 @@ from pareto_ltl.wind.field import _warn_once
 from pareto_ltl.wind.netcdf import read_netcdf, write_netcdf
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.records import WindField, WindObservations
-from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from wind_laws import gp as regression
 from wind_laws import tables
@@ -36,7 +36,7 @@ CONUS = Scene(
     np.zeros(2),
     {},
     (),
-    projection.local_plane(37.0, -92.0),
+    frames.local_plane(37.0, -92.0),
     "2018-10-09T00:00:00Z",
 )
 
@@ -297,7 +297,8 @@ MACHINE_CODE = PACKAGE / "kernels" / "code_cache.py"  # executable in any form: 
 
 def test_no_module_of_the_package_reads_pickles():
     """What is unpickled is executed."""
-    folders = (PACKAGE, *(PACKAGE.parent / name for name in ("careful_io", "wind_laws", "hydra_plugins")))
+    names = ("careful_io", "flight_quantities", "wind_laws", "hydra_plugins")
+    folders = (PACKAGE, *(PACKAGE.parent / name for name in names))
     sources = [path for folder in folders for path in folder.rglob("*.py")]
     assert len(sources) > 100
     for path in sources:
@@ -363,10 +364,10 @@ def test_a_remembered_field_does_not_load_scikit_learn(few, cache, tmp_path):
         import numpy as np
         from pareto_ltl.settings import WindConfig
         from pareto_ltl.world.scene import Scene
-        from pareto_ltl.world import projection
+        from flight_quantities import frames
         from pareto_ltl.wind import field, sources
         bounds = np.array([[-5e5, -5e5], [5e5, 5e5]])
-        crs = projection.local_plane(37.0, -92.0)
+        crs = frames.local_plane(37.0, -92.0)
         scene = Scene(bounds, np.zeros(2), {}, (), crs, "2018-10-10T12:00:00Z")
         cfg = WindConfig()
         from pareto_ltl.wind.observations import place_readings

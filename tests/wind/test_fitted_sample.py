@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flight_quantities import frames
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.observations import place_readings
-from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from wind_laws import gp as regression
 
 
 @pytest.fixture(scope="module")
 def sample():
-    scene = Scene(np.array([[-5e5, -5e5], [5e5, 5e5]]), np.zeros(2), {}, (), projection.local_plane(37, -92))
+    scene = Scene(np.array([[-5e5, -5e5], [5e5, 5e5]]), np.zeros(2), {}, (), frames.local_plane(37, -92))
     return place_readings(WindConfig(), sources.read_readings(WindConfig()), scene)
 
 

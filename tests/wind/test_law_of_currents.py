@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 from careful_io.times import HOUR
+from flight_quantities import frames
 from pareto_ltl.extend import law_of_parts_named
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.wind.observations import law_of_wind, place_readings
 from pareto_ltl.wind.readings import Readings
-from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from pareto_ltl_verify.wind_law import error_law
 from wind_laws.documents import PARTS_FOLDER
 from wind_laws.error_law import LOCAL, SLOW
 
 LAW = law_of_parts_named("currents")
-PLANE = projection.local_plane(40.0, -70.0)
+PLANE = frames.local_plane(40.0, -70.0)
 SCENE = Scene(np.array([[-5e4, -5e4], [5e4, 5e4]]), np.zeros(2), {}, (), PLANE, "2018-10-09T00:00:00Z")
 
 

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from careful_io.times import iso, seconds
+from flight_quantities.levels import parse_level
 from noaa import NOAA, needs_noaa
 from noaa_server import NoaaServer, downloads_at, fake_message, inventory, serving
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.levels import parse_level
 from pareto_ltl.wind.area import ALL_WIND, GeoBox, Wanted
 from pareto_ltl.wind.sources import read_readings
 from pareto_ltl_apps.formats import download_cache, live

@@ -12,12 +12,12 @@ pytest.importorskip("pyproj")  # before ecCodes
 pytest.importorskip("eccodes", reason="the extra `grib` is not installed")
 
 from careful_io.times import seconds
+from flight_quantities.levels import parse_level
 from live_archives import GRID, aigfs, current, ecmwf, nbm, rtofs, wind
 from noaa_server import NoaaServer, downloads_at, serving
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.settings.building import build_settings, section_of
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.levels import parse_level
 from pareto_ltl.wind.area import GeoBox, Wanted
 from pareto_ltl.wind.sources import read_readings
 from pareto_ltl_apps.formats import live

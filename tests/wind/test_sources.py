@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import yaml
 
+from flight_quantities import frames
 from noaa import NOAA, ROOT, needs_noaa
 from pareto_ltl import Readings
 from pareto_ltl.extend import Frame
@@ -22,7 +23,6 @@ from pareto_ltl.support.resources import SAMPLE_WINDS
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl.wind.observations import place_readings
-from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from pareto_ltl_apps.formats import tables
 from pareto_ltl_apps.formats.grib_files import grib_snapshots, grib_snapshots_apart
@@ -36,7 +36,7 @@ HOURS = ("2018-10-09T00:00:00Z", "2018-10-09T03:00:00Z", "2018-10-09T06:00:00Z")
 def scene(lat=37.0, lon=-92.0, side=1e6, time_zero=None):
     half = side / 2
     bounds = np.array([[-half, -half], [half, half]])
-    return Scene(bounds, np.zeros(2), {}, (), projection.local_plane(lat, lon), time_zero)
+    return Scene(bounds, np.zeros(2), {}, (), frames.local_plane(lat, lon), time_zero)
 
 
 def lab(side=100.0, time_zero=None):

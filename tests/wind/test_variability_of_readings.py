@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from careful_io.times import HOUR
+from flight_quantities import frames
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.wind.named_laws import law_named
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import Readings
-from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from wind_laws.documents import law_of
 
@@ -23,7 +23,7 @@ HELD = law_named("gfs")
 NODES = np.stack(np.meshgrid(np.arange(-96.0, -87.0, 1.0), np.arange(33.0, 42.0, 1.0)), axis=-1).reshape(
     -1, 2
 )
-SCENE = Scene(np.array([[-2e5, -2e5], [2e5, 2e5]]), np.zeros(2), {}, (), projection.local_plane(37.0, -92.0))
+SCENE = Scene(np.array([[-2e5, -2e5], [2e5, 2e5]]), np.zeros(2), {}, (), frames.local_plane(37.0, -92.0))
 
 
 def places(count: int) -> FloatArray:

@@ -12,13 +12,13 @@ import pyproj
 import pytest
 import xarray
 
+from flight_quantities import frames
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.wind.field import fit_wind_field
 from pareto_ltl.wind.netcdf import write_netcdf
 from pareto_ltl.wind.observations import place_readings
 from pareto_ltl.wind.readings import Readings
 from pareto_ltl.wind.records import WindField
-from pareto_ltl.world import projection
 from pareto_ltl.world.scene import Scene
 from wind_laws.records import PARTS
 
@@ -28,7 +28,7 @@ SCENE = Scene(
     np.zeros(2),
     {},
     (),
-    projection.local_plane(*CENTRE),
+    frames.local_plane(*CENTRE),
     "2018-10-09T00:00:00Z",
 )
 ORDER = "further dimensions are not located left of T, Z, Y, X"  # a recommendation: see wind/netcdf.py

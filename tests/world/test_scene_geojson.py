@@ -14,11 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from careful_io.messages import LONGEST_LINE
+from flight_quantities.heights import level_height
+from flight_quantities.levels import parse_level
 from pareto_ltl.extend import Frame
 from pareto_ltl.settings import SceneConfig
-from pareto_ltl.settings.heights import level_height
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.levels import parse_level
 from pareto_ltl.world.cells import decompose, unreachable_regions
 from pareto_ltl.world.scene import FixShape
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict

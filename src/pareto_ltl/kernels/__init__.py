@@ -1,4 +1,6 @@
-"""Compiled kernels on named tuples of arrays (``data``); :mod:`plane_kernels` has plain geometry.
+"""Compiled kernels on named tuples of arrays (``data``): winds, flights, trees and steps of the refinement.
+
+:mod:`plane_kernels` has plain geometry, :mod:`plane_logic` what an automaton reads.
 
 Kernels do not check their arguments: the calling packages check shapes and ranges, allocate the arrays and
 pack the results. :mod:`typed_kernels` compiles them, keeps their machine code, and lets the type of a model

@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from pareto_ltl.kernels.data import Landmarks
-from pareto_ltl.kernels.margin import FLAT, Slope, add_failure_slope
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from plane_kernels.clearance import CERTAIN, Event
 from plane_kernels.types import Faces
+from plane_logic.margin import FLAT, Slope, add_failure_slope
 from typed_kernels.jit import allocating, kernel
 
 NEAREST = 3  # legs of a path on which a flight may be deepest in a landmark

@@ -1,8 +1,8 @@
 """Input of kernels as named tuples, so that loops read ``wind.mean``, not ``arr[3]``.
 
-Models (a wind law here, a mission bound and a collision bound in :mod:`pareto_ltl.kernels.bounds`) are named
-tuples too, and their types select the code (``typed_kernels.jit.by_type``). Memory that a model does not need
-is None.
+Models (a wind law here, a mission bound of :mod:`plane_logic`, a collision bound of :mod:`plane_kernels`) are
+named tuples too, and their types select the code (``typed_kernels.jit.by_type``). Memory that a model does
+not need is None.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from plane_kernels.types import Corners, Cov, Faces, Point
+from plane_kernels.types import CollisionBound, Corners, Cov, Faces, Point
+from plane_logic.types import MissionBound
 
 
 class RobotErrors(NamedTuple):
@@ -29,36 +30,6 @@ class RobotErrors(NamedTuple):
 
 
 EXACT = RobotErrors(np.zeros(0), np.zeros((0, 0)), np.zeros((2, 0)))  # a robot without errors
-
-
-class Logic(NamedTuple):
-    """The automaton on the labels of cells, in every epoch.
-
-    An epoch is a span of steps in which the same propositions with time windows hold; without time windows
-    there is one epoch.
-
-    ``epoch`` (S + 1,): the epoch of each step, the last one for all later steps. ``delta`` (E, Q, C + 1): the
-    next state; the last column is for no label (in an obstacle, off the map). ``distance`` (Q,): d_A, inf in
-    the trap state. ``ahead`` (E, Q): the same distance with only the labels of this epoch and of later ones.
-    ``covers[q, p]`` (Q, Q): whether q accepts all that p accepts (q >= p).
-
-    Labels that lead away from acceptance are also read between two steps: they take q to ``way`` (E, Q, C +
-    1), if the label of the step before does not change q. ``harm`` (E, Q, C + 1): whether the label is worse
-    in q than no label, or leads to the trap state. ``hazards``: the cells that are harmful in some state of
-    some epoch. ``loses`` (E, Q, C + 1): whether the label can take a state that covers q to one that does
-    not.
-    """
-
-    epoch: IntArray
-    delta: IntArray
-    way: IntArray
-    harm: BoolArray
-    loses: BoolArray
-    ahead: FloatArray
-    distance: FloatArray
-    covers: BoolArray
-    initial: int
-    hazards: Corners
 
 
 # --- wind and motion --------------------------------------------------------------------------
@@ -246,3 +217,18 @@ class LandmarkMemory(NamedTuple):
 
 Law: TypeAlias = IndependentLaw | CoherentLaw | LandmarkLaw
 Memory: TypeAlias = CoherentMemory | LandmarkMemory | None
+
+
+# --- all models ---------------------------------------------------------------------------------
+
+
+class World(NamedTuple):
+    """The planning problem: its three models, whose types select the code.
+
+    Cells and automaton are fields of the mission bound only: kernels pass the world by value, and a second
+    copy of them made the growth of trees with ``fidelity=full`` twice as slow.
+    """
+
+    law: Law
+    mission: MissionBound
+    collision: CollisionBound

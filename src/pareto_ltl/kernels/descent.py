@@ -1,7 +1,7 @@
 """The solves of a refinement at one width: trust-region Newton on the failure of common flights.
 
 The deviations of the flights from their path are given. A solve builds the programme of
-:mod:`~pareto_ltl.kernels.step_solver` about a path, solves it, propagates the new means and evaluates the
+:mod:`~plane_kernels.step_solver` about a path, solves it, propagates the new means and evaluates the
 failure there. All solves of one width are one call: two threads that polish with a call for each of these
 steps wait for the interpreter's lock longer than they compute.
 
@@ -16,12 +16,12 @@ from typing import NamedTuple
 from pareto_ltl.kernels.attraction import attract
 from pareto_ltl.kernels.data import CoherentLaw, IndependentLaw, LandmarkLaw, Law
 from pareto_ltl.kernels.interpolation import wind_slopes
-from pareto_ltl.kernels.margin import Slope, smoothed_failure
-from pareto_ltl.kernels.margin_events import MarginModel, Scratch
 from pareto_ltl.kernels.motion import least_airspeed
 from pareto_ltl.kernels.path import Flight, propagate_flight
-from pareto_ltl.kernels.step_solver import MOST, StepModel, Work, X, solve_step
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from plane_kernels.step_solver import MOST, StepModel, Work, X, solve_step
+from plane_logic.margin import Slope, smoothed_failure
+from plane_logic.margin_events import MarginModel, Scratch
 from typed_kernels.jit import by_type, entry, implements, kernel
 
 OVERLONG = 20.0  # penalty per relative length above the cap: more than any failure

@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple, TypeAlias
 
 from pareto_ltl.kernels import fixes, navigator  # noqa: F401 - the code of laws and pilots with fixes
-from pareto_ltl.kernels.data import CoherentLaw, IndependentLaw, LandmarkLaw, Logic, Modes, Motion
+from pareto_ltl.kernels.data import CoherentLaw, IndependentLaw, LandmarkLaw, Modes, Motion
 from pareto_ltl.kernels.interpolation import (
     F32,
     corner_weights,
@@ -21,12 +21,13 @@ from pareto_ltl.kernels.interpolation import (
     mode_value,
     wind_at,
 )
-from pareto_ltl.kernels.letters import next_state
 from pareto_ltl.kernels.pilots import Pilot, begin_flights, command, observe
 from pareto_ltl.kernels.propagation import white_variance
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from plane_kernels.geometry import locate_cell, off_map, segment_touches
 from plane_kernels.types import Cells, Faces, Nearby, Point
+from plane_logic.letters import next_state
+from plane_logic.types import Logic
 from typed_kernels.jit import by_type, entry, implements, kernel, vector
 
 # --- winds ------------------------------------------------------------------------------------

@@ -8,13 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from pareto_ltl.kernels.collision_risk import step_is_clear
-from pareto_ltl.kernels.data import Logic
-from pareto_ltl.kernels.dijkstra import Product, find_lead
-from pareto_ltl.kernels.letters import epoch_at, next_state, too_late
-from pareto_ltl.kernels.mission_risk import visit_risk
 from pareto_ltl.kernels.motion import airspeed, least_airspeed
-from pareto_ltl.kernels.neighbours import kd_nearest
 from pareto_ltl.kernels.tree import (
     ACCEPTED,
     AGE,
@@ -44,8 +38,14 @@ from pareto_ltl.kernels.tree import (
     vertex_point,
 )
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from plane_kernels.collision_risk import step_is_clear
 from plane_kernels.geometry import locate_cell
+from plane_kernels.neighbours import kd_nearest
 from plane_kernels.types import Gaussian, Point
+from plane_logic.dijkstra import Product, find_lead
+from plane_logic.letters import epoch_at, next_state, too_late
+from plane_logic.mission_risk import visit_risk
+from plane_logic.types import Logic
 from typed_kernels.jit import entry, inlined, kernel
 
 

@@ -5,17 +5,16 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from pareto_ltl.kernels import fixes  # noqa: F401 - the code of the law with landmarks
-from pareto_ltl.kernels.bounds import World
-from pareto_ltl.kernels.collision_risk import step_allowed
-from pareto_ltl.kernels.data import CoherentLaw, FlightErrors, IndependentLaw, LandmarkLaw, Law
+from pareto_ltl.kernels.data import CoherentLaw, FlightErrors, IndependentLaw, LandmarkLaw, Law, World
 from pareto_ltl.kernels.interpolation import corner_weights, mode_square, mode_value, wind_at
-from pareto_ltl.kernels.letters import next_state
 from pareto_ltl.kernels.motion import airspeed, least_airspeed, left_time
 from pareto_ltl.kernels.propagation import advance, closed_loop, forget, white_variance
 from pareto_ltl.kernels.robot_errors import begin_errors, set_control, start_covariance, with_errors
 from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
+from plane_kernels.collision_risk import step_allowed
 from plane_kernels.geometry import locate_cell
 from plane_kernels.types import Cov, Gaussian, Linear, Point
+from plane_logic.letters import next_state
 from typed_kernels.jit import allocating, by_type, entry, implements, kernel
 
 FLOWN, TOO_FAST, UNKNOWN_WIND, OFF_MAP, CROSSING, TOO_SLOW = range(6)

@@ -8,17 +8,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from pareto_ltl.kernels.bounds import StepBound, Theorem2
-from pareto_ltl.kernels.collision_risk import step_is_clear
-from pareto_ltl.kernels.data import IndependentLaw, Logic, Motion
-from pareto_ltl.kernels.dijkstra import Heap
-from pareto_ltl.kernels.letters import epoch_at, next_state, too_late
-from pareto_ltl.kernels.mission_risk import visit_risk
+from pareto_ltl.kernels.data import IndependentLaw, Motion
 from pareto_ltl.kernels.motion import airspeed, independent_step, least_airspeed
-from pareto_ltl.kernels.neighbours import Bins, bin_of, kd_insert, remember
 from pareto_ltl.kernels.parents import Candidate, Dominance, improves
 from pareto_ltl.support.arrays import FloatArray, Int32Array, IntArray
-from plane_kernels.types import Cov, Gaussian, Point
+from plane_kernels.collision_risk import step_is_clear
+from plane_kernels.neighbours import Bins, bin_of, kd_insert, remember
+from plane_kernels.types import Cov, Gaussian, Point, StepBound
+from plane_logic.dijkstra import Heap
+from plane_logic.letters import epoch_at, next_state, too_late
+from plane_logic.mission_risk import visit_risk
+from plane_logic.types import Logic, Theorem2
 from typed_kernels.jit import inlined, kernel
 
 ROUNDING = 1.0 + 1e-9  # a full step may exceed u_max by this factor and no more

@@ -12,18 +12,18 @@ import numpy as np
 
 from careful_io.texts import probability_text
 from careful_io.times import hours_text
-from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.planning.pack_logic import empty_letters, helpful_delta, live_rows
 from pareto_ltl.planning.problem import LEAST_VARIANCE, Problem, barrier_polygons, errors_of
 from pareto_ltl.planning.records import Objectives, PlannedPath
 from pareto_ltl.support.arrays import FloatArray, IntArray, square_matrices
 from pareto_ltl.support.errors import InfeasibleError
-from plane_kernels.types import Faces
+from plane_kernels.types import Faces, PathBound
+from plane_logic.types import Ordered
 
 if TYPE_CHECKING:
     from pareto_ltl.kernels.path import Flight
-    from pareto_ltl.kernels.path_collision import GaussianPath
+    from plane_kernels.path_collision import GaussianPath
 
 FAULTS = (
     "",
@@ -224,12 +224,12 @@ def _flown_until(problem: Problem, flight: Flight, fast: float) -> tuple[IntArra
     return q, cell, int(fault), int(where)
 
 
-def judged_world(problem: Problem) -> kb.World:
+def judged_world(problem: Problem) -> kd.World:
     """The world that paths are checked in: without chance constraints where flights judge."""
     if problem.fidelity.judge == "bound":
         return problem.world
     bound = problem.world.collision
-    return problem.world._replace(collision=kb.PathBound(bound.barriers, bound.nearby, math.inf, math.inf))
+    return problem.world._replace(collision=PathBound(bound.barriers, bound.nearby, math.inf, math.inf))
 
 
 def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: float) -> Objectives:
@@ -238,7 +238,7 @@ def _objectives(problem: Problem, flight: Flight, cell: IntArray, collision: flo
     alone = flight if problem.world.law is independent else propagate(problem, flight.x, independent)
     ordered = ordered_mission_risk(problem, flight)
     paper = theorem2_mission_risk(problem, alone, cell)
-    if isinstance(problem.world.mission, kb.Ordered):
+    if isinstance(problem.world.mission, Ordered):
         judged = ordered
     else:
         judged = paper if alone is flight else theorem2_mission_risk(problem, flight, cell)
@@ -256,7 +256,7 @@ def theorem2_mission_risk(problem: Problem, flight: Flight, cell: IntArray) -> f
 
     Eq. (M36) of docs/mathematics.md.
     """
-    from pareto_ltl.kernels.mission_risk import theorem2_risks
+    from plane_logic.mission_risk import theorem2_risks
 
     return min(1.0, float(theorem2_risks(problem.theorem2, flight.x, flight.cov, cell).sum()))
 
@@ -266,7 +266,7 @@ def ordered_mission_risk(problem: Problem, flight: Flight) -> float:
 
     Eq. (M37) of docs/mathematics.md.
     """
-    from pareto_ltl.kernels.ordered_bound import ordered_risk
+    from plane_logic.ordered_bound import ordered_risk
 
     rows, letters = live_rows(problem.ordered), empty_letters(problem.ordered)
     return float(ordered_risk(problem.ordered, rows, letters, flight.x, flight.cov))
@@ -280,13 +280,11 @@ def collision_risk(problem: Problem, flight: Flight, law: kd.Law, *, tight: bool
 
     Eq. (M40) of docs/mathematics.md.
     """
-    from pareto_ltl.kernels.path_collision import collision_bound
+    from plane_kernels.path_collision import collision_bound
 
     bound, path = problem.world.collision, gaussian_path(law, flight, tight=tight)
     faces = (
-        with_supporting_lines(problem, flight)
-        if tight and isinstance(bound, kb.PathBound)
-        else bound.barriers
+        with_supporting_lines(problem, flight) if tight and isinstance(bound, PathBound) else bound.barriers
     )
     total = float(collision_bound(faces, bound.nearby, path))
     return min(total, 1.0) if tight else total
@@ -312,7 +310,7 @@ def with_supporting_lines(problem: Problem, flight: Flight) -> Faces:
 
 def gaussian_path(law: kd.Law, flight: Flight, *, tight: bool = True) -> GaussianPath:
     """The input of R from a flight; the law decides where the reflection bound 2 Φ is allowed."""
-    from pareto_ltl.kernels import path_collision as kernel
+    from plane_kernels import path_collision as kernel
 
     none = np.empty((0, 0, 2, 2))
     if isinstance(law, kd.IndependentLaw):

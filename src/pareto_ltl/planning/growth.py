@@ -22,9 +22,7 @@ from careful_io.messages import shown_value
 from ltlf import show_letter
 from pareto_ltl.kernels import growth as kernel
 from pareto_ltl.kernels import tree as kt
-from pareto_ltl.kernels.dijkstra import Product
 from pareto_ltl.kernels.growth import Fans
-from pareto_ltl.kernels.neighbours import Bins
 from pareto_ltl.kernels.parents import Dominance
 from pareto_ltl.planning.problem import Problem, start_breach
 from pareto_ltl.planning.product_graph import cell_fans, empty_heap, farthest_states, product_graph
@@ -36,7 +34,9 @@ from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.support.seeds import unspawned
 from pareto_ltl.world.windows import missed_windows
+from plane_kernels.neighbours import Bins
 from plane_kernels.types import Cov, Gaussian, Point
+from plane_logic.dijkstra import Product
 
 ITERATIONS_PER_VERTEX = 50  # growth ends after this many extensions for each vertex of planner.n_max
 LOOK = 0.02  # [s] between two checks of the time limits
@@ -314,8 +314,8 @@ def _cache_lines(row: np.dtype[Any], n: int) -> Any:
 
 def _check_lead(task: GrowthTask, tree: GrowingTree) -> None:
     """Raise InfeasibleError before growth if no sequence of cells completes the mission."""
-    from pareto_ltl.kernels.dijkstra import shortest_lead
     from pareto_ltl.planning.shortest_mission import closed_way
+    from plane_logic.dijkstra import shortest_lead
 
     problem, vertices, state = task.problem, tree.search.tree, tree.search.state
     start = int(vertices.q[0]) * len(problem.labels) + int(vertices.cell[0])

@@ -1,4 +1,4 @@
-"""The tables from which margins of flights are computed (:mod:`pareto_ltl.kernels.margin`)."""
+"""The tables from which margins of flights are computed (:mod:`plane_logic.margin`)."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels import data as kd
-from pareto_ltl.kernels.claim_lists import ClaimLists, Claims
-from pareto_ltl.kernels.claim_rows import BLOCK, ClaimRows, Rows
-from pareto_ltl.kernels.margin_events import Guards, MarginModel, Met, Near, Scratch
 from pareto_ltl.planning.pack import pack_faces
 from pareto_ltl.planning.pack_logic import LIVE, pack_corners
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from plane_kernels.clearance import CERTAIN
 from plane_kernels.types import Corners
+from plane_logic.claim_lists import ClaimLists, Claims
+from plane_logic.claim_rows import BLOCK, ClaimRows, Rows
+from plane_logic.margin_events import Guards, MarginModel, Met, Near, Scratch
+from plane_logic.types import Logic
 
 # States of an automaton, or hazards, above which only the order of a path is polished: 0.75 x the CPU time
 # with many states, 0.65 x with 47 hazards.
@@ -183,7 +183,7 @@ def _states_read(model: MarginModel, letter: IntArray, read: BoolArray) -> IntAr
     return np.empty(0, np.int64)
 
 
-def pack_guards(logic: kd.Logic, column: list[int]) -> Guards:
+def pack_guards(logic: Logic, column: list[int]) -> Guards:
     """Edges between claims in every epoch, for the letters of ``column`` and, last, the empty letter.
 
     ``column`` holds indices of columns of ``logic.delta``. From a claim q edges lead to q itself and to the
@@ -203,7 +203,7 @@ def pack_guards(logic: kd.Logic, column: list[int]) -> Guards:
     )  # fmt: skip
 
 
-def hazards_bar(logic: kd.Logic) -> bool:
+def hazards_bar(logic: Logic) -> bool:
     """Whether each hazard is either harmless in a state, or loses it for good, as in ``(!h U a)``.
 
     The margin of a flight then follows from the hazards that lose each claim, without the automaton state of
@@ -226,13 +226,13 @@ class _EpochEdges(NamedTuple):
     letter: IntArray
 
 
-def _epoch_guards(logic: kd.Logic, delta: IntArray) -> _EpochEdges:
+def _epoch_guards(logic: Logic, delta: IntArray) -> _EpochEdges:
     live = np.flatnonzero(np.isfinite(logic.distance))
     parts = [_guards_from(logic, delta, live[k : k + BATCH]) for k in range(0, max(len(live), 1), BATCH)]
     return _EpochEdges(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def _guards_from(logic: kd.Logic, delta: IntArray, sources: IntArray) -> _EpochEdges:
+def _guards_from(logic: Logic, delta: IntArray, sources: IntArray) -> _EpochEdges:
     """The edges from ``sources`` (S,), all at once."""
     reached = np.sort(np.column_stack([delta[sources], sources]), axis=1)
     usable = np.isfinite(logic.distance[reached])

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from flight_quantities.frames import Navigation
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.world.projection import Navigation
 
 
 def read_navigation(content: Mapping[str, Any]) -> Navigation | None:

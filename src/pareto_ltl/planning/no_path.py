@@ -13,7 +13,6 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from careful_io.texts import distance_text, probability_text, round_up
-from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning import shortest_mission as line
 from pareto_ltl.planning.evaluate import completing_path, steps_flown
@@ -28,6 +27,7 @@ from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.support.arrays import length_of
 from pareto_ltl.support.errors import InfeasibleError
 from pareto_ltl.world.time_step import too_long
+from plane_kernels.types import PathBound
 
 EPSILONS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
 LARGEST_DELTA = 0.999  # tried instead of no limit on the collision risk of a path
@@ -197,7 +197,7 @@ def _tried_advice(trials: _Trials, forest: Forest) -> str:
 def _step_bound_advice(trials: _Trials) -> str:
     """The advice where R of every path is above 1: the step bound limits only the risk of single steps."""
     problem = trials.problem
-    if not isinstance(problem.world.collision, kb.PathBound):
+    if not isinstance(problem.world.collision, PathBound):
         return ""
     models = replace(problem.fidelity, collision_bound="step")
     stepwise = with_limits(replace(problem, fidelity=models), EPSILONS[0], trials.cfg.delta)
@@ -241,7 +241,7 @@ def _risk_text(trials: _Trials, epsilon: float, paths: tuple[PlannedPath, ...], 
     least = min(path.objectives.mission_risk + path.objectives.collision_risk for path in paths)
     settings = [f"planner.epsilon={epsilon:g}"] if epsilon > problem.epsilon else []
     limits = f"planner.epsilon = {problem.epsilon:g}"
-    if isinstance(problem.world.collision, kb.PathBound):
+    if isinstance(problem.world.collision, PathBound):
         limits += f" and planner.delta = {trials.cfg.delta:g}"
         settings += _delta_settings(trials, epsilon, paths)
     if more:

@@ -10,7 +10,6 @@ from itertools import zip_longest
 
 import numpy as np
 
-from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.logic.timed import letter_of, places_of
@@ -27,7 +26,8 @@ from pareto_ltl.wind.records import WindField
 from pareto_ltl.world.cells import BUCKETS, Decomposition, bucket_cells, half_planes
 from pareto_ltl.world.scene import FixShape, Scene
 from pareto_ltl.world.time_step import with_time_step
-from plane_kernels.types import Cells, Faces, Nearby
+from plane_kernels.types import Cells, CollisionBound, Faces, Nearby, PathBound, StepBound
+from plane_logic.types import Logic, MissionBound, Theorem2
 from wind_laws.records import HELD, PARTS, SPACE, TIME, WindModes, forecast_parts
 from wind_laws.tails import error_tail
 
@@ -270,9 +270,9 @@ def pack_landmarks(
 
 
 def pack_theorem2(
-    decomposition: Decomposition, automaton: Automaton, cells: Cells, logic: kd.Logic,
+    decomposition: Decomposition, automaton: Automaton, cells: Cells, logic: Logic,
     epochs: Sequence[Epoch],
-) -> kb.Theorem2:  # fmt: skip
+) -> Theorem2:  # fmt: skip
     """The paper's bound: convex parts of the regions to visit, and the propositions of each cell by epoch."""
     windows, atoms = automaton.windows, automaton.atoms
     place = {name: windows[name].region if name in windows else name for name in atoms}
@@ -283,7 +283,7 @@ def pack_theorem2(
     letters = [[letter_of(label, windows, one.now) for label in decomposition.labels] for one in epochs]
     holds = [[[name in regions and name in shown for name in atoms] for shown in row] for row in letters]
     faces = pack_faces([part for _, part in parts])
-    return kb.Theorem2(faces, owner, np.array(holds, bool), cells, logic)
+    return Theorem2(faces, owner, np.array(holds, bool), cells, logic)
 
 
 def pack_laws(
@@ -305,18 +305,18 @@ def pack_laws(
 
 def pack_collision(
     kind: str, barriers: Faces, nearby: Nearby, epsilon: float, delta: float
-) -> kb.CollisionBound:
+) -> CollisionBound:
     """The collision bound ``step``, which splits epsilon equally over the barriers, or ``path``."""
     from scipy.special import ndtri
 
     if kind == "path":
-        return kb.PathBound(barriers, nearby, epsilon, delta)
+        return PathBound(barriers, nearby, epsilon, delta)
     if epsilon >= NO_LIMIT:
         raise ConfigError(
             "planner.epsilon=null needs fidelity.collision_bound=path: Eq. (9) divides epsilon among the "
             "obstacles; set planner.epsilon, e.g. 0.05"
         )
-    return kb.StepBound(barriers, nearby, float(-ndtri(epsilon / max(len(barriers.ptr) - 1, 1))))
+    return StepBound(barriers, nearby, float(-ndtri(epsilon / max(len(barriers.ptr) - 1, 1))))
 
 
 def build_problem(
@@ -341,7 +341,7 @@ def build_problem(
     theorem2 = pack_theorem2(decomposition, automaton, cells, logic, epochs)
     ordered = pack_ordered(decomposition, cells, logic)
     obstacles = pack_faces(decomposition.obstacles)
-    missions: dict[str, kb.MissionBound] = {"theorem2": theorem2, "ordered": ordered}
+    missions: dict[str, MissionBound] = {"theorem2": theorem2, "ordered": ordered}
     barriers = pack_barriers(scene, obstacles)
     nearby = pack_nearby(barriers, scene.bounds)
     collision = pack_collision(fidelity.collision_bound, barriers, nearby, epsilon, planner.delta)
@@ -350,7 +350,7 @@ def build_problem(
     return Problem(
         scene=scene,
         decomposition=decomposition,
-        world=kb.World(laws[fidelity.law], missions[fidelity.mission_bound], collision),
+        world=kd.World(laws[fidelity.law], missions[fidelity.mission_bound], collision),
         laws=laws,
         theorem2=theorem2,
         ordered=ordered,

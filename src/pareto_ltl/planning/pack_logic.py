@@ -11,14 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ltlf import Letter
-from pareto_ltl.kernels import bounds as kb
-from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.logic.timed import letter_of
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.windows import Window
 from plane_kernels.types import Cells, Corners
+from plane_logic.types import Letters, LiveRows, Logic, Ordered, StateLists
 
 LIVE = 64  # V follows all states of automata with at most so many, and is exact
 PATH_LIVE = 256  # entries of V retained along a path of a larger one
@@ -37,7 +36,7 @@ def pack_corners(cell: Sequence[int], corners: Sequence[FloatArray]) -> Corners:
 
 def pack_logic(
     automaton: Automaton, decomposition: Decomposition, epoch: IntArray, epochs: Sequence[Epoch]
-) -> kd.Logic:
+) -> Logic:
     """The automaton in each of ``epochs``: one column for each cell (not each letter) and one for no label.
 
     ``epoch`` (S + 1,) is the index of the epoch of each step.
@@ -46,7 +45,7 @@ def pack_logic(
     delta, way, harm, loses = (_stacked(rows) for rows in zip(*tables, strict=True))
     hazards = np.flatnonzero(harm[:, :, :-1].any(axis=(0, 1))).tolist()
     distance = np.asarray(automaton.distance, float)
-    return kd.Logic(
+    return Logic(
         epoch, delta, way, harm, loses, letters_ahead(delta, distance), distance,
         np.ascontiguousarray(automaton.preorder, bool), int(automaton.initial),
         pack_corners(hazards, [decomposition.cells[c] for c in hazards]),
@@ -90,7 +89,7 @@ def letters_ahead(delta: IntArray, distance: FloatArray) -> FloatArray:
     return np.ascontiguousarray(rows[::-1])
 
 
-def helpful_delta(logic: kd.Logic) -> IntArray:
+def helpful_delta(logic: Logic) -> IntArray:
     """State after each label (Q, C + 1), in the first of the epochs where it leads nearest to acceptance."""
     best = logic.distance[logic.delta].argmin(axis=0)
     return np.ascontiguousarray(np.take_along_axis(logic.delta, best[None], axis=0)[0])
@@ -120,20 +119,20 @@ def harmful_letters(automaton: Automaton, nothing: int) -> tuple[BoolArray, Bool
 # --- the ordered bound ------------------------------------------------------------------------
 
 
-def pack_ordered(decomposition: Decomposition, cells: Cells, logic: kd.Logic) -> kb.Ordered:
+def pack_ordered(decomposition: Decomposition, cells: Cells, logic: Logic) -> Ordered:
     """The ordered bound: the cells with a label, as corners in their order, and the states it tracks."""
     cell = [c for c, label in enumerate(decomposition.labels) if label]
     return follow_states(pack_corners(cell, [decomposition.cells[c] for c in cell]), cells, logic)
 
 
-def follow_states(labelled: Corners, cells: Cells, logic: kd.Logic) -> kb.Ordered:
+def follow_states(labelled: Corners, cells: Cells, logic: Logic) -> Ordered:
     """The ordered bound, with the states p for which V_t(p) is computed from the entry of each state."""
     states, last = len(logic.distance), logic.delta.shape[2] - 1
     losses = np.concatenate(logic.loses, axis=1)
     kind = np.unique(losses, axis=0, return_inverse=True)[1].reshape(-1).astype(np.int64)
     if states > LIVE:
-        none = kb.StateLists(np.zeros(states + 1, np.int64), np.empty(0, np.int64))
-        return kb.Ordered(labelled, cells, logic, none, np.array([logic.initial]), kind)
+        none = StateLists(np.zeros(states + 1, np.int64), np.empty(0, np.int64))
+        return Ordered(labelled, cells, logic, none, np.array([logic.initial]), kind)
     better = logic.covers & (kind[:, None] == kind)
     letters = np.unique(np.concatenate(logic.delta[:, :, [*labelled.cell.tolist(), last]], axis=1), axis=1)
     reached = logic.covers[letters].transpose(0, 2, 1)  # (Q, Q, L): l leads from q to a state ≥ p
@@ -141,7 +140,7 @@ def follow_states(labelled: Corners, cells: Cells, logic: kd.Logic) -> kb.Ordere
     ptr = np.concatenate([[0], np.cumsum([len(row) for row in lists])]).astype(np.int64)
     first = np.flatnonzero(logic.covers[logic.initial])
     begin = first[needed_states(better[np.ix_(first, first)], np.zeros((len(first), 0), bool))]
-    return kb.Ordered(labelled, cells, logic, kb.StateLists(ptr, np.concatenate(lists)), begin, kind)
+    return Ordered(labelled, cells, logic, StateLists(ptr, np.concatenate(lists)), begin, kind)
 
 
 def needed_states(better: BoolArray, reach: BoolArray) -> IntArray:
@@ -156,19 +155,19 @@ def needed_states(better: BoolArray, reach: BoolArray) -> IntArray:
     return np.asarray(np.flatnonzero(~(instead & (~instead.T | first)).any(axis=0)), np.int64)
 
 
-def live_rows(bound: kb.Ordered) -> kb.LiveRows:
+def live_rows(bound: Ordered) -> LiveRows:
     """Two scratch rows for twice as many entries of V as are retained, at most ``PATH_LIVE``."""
     limit = min(len(bound.logic.distance), PATH_LIVE)
-    return kb.LiveRows(
+    return LiveRows(
         2 * limit * np.arange(2, dtype=np.int64), np.zeros(2, np.int32), np.zeros(4 * limit, np.int32),
         np.zeros(4 * limit), limit,
     )  # fmt: skip
 
 
-def empty_letters(bound: kb.Ordered) -> kb.Letters:
+def empty_letters(bound: Ordered) -> Letters:
     """Scratch for the letters that may be read in one step."""
     parts, hazards = len(bound.labelled.cell), len(bound.logic.hazards.cell)
-    return kb.Letters(
+    return Letters(
         np.zeros(parts + 1), np.zeros(hazards), np.zeros(parts, np.int64), np.zeros(hazards, np.int64),
         np.zeros(2, np.int64), np.full(len(bound.logic.distance), -1, np.int32), np.zeros(1, np.int64),
     )  # fmt: skip

@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from careful_io.files import write_csv, write_json, write_npz
 from careful_io.names import joined_names, split_names
 from careful_io.reading import inside, read_text, shaped
+from flight_quantities.frames import Navigation
+from flight_quantities.heights import FlownAir, Height
 from pareto_ltl.planning.branching.files import branches_document, read_branches
 from pareto_ltl.planning.costs import cost_named, known_costs
 from pareto_ltl.planning.limits import Price, Remedy, SegmentLimits, WorstSegment
@@ -28,10 +30,8 @@ from pareto_ltl.planning.navigation_files import number_or_nan, read_navigation
 from pareto_ltl.planning.rates import FailureRate, Promise
 from pareto_ltl.planning.records import BY_STEP, RISKS, Forest, Front, Objectives, Plan, PlannedPath, Tree
 from pareto_ltl.settings.fidelity import models_of
-from pareto_ltl.settings.heights import FlownAir, Height
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.stored import stored
-from pareto_ltl.world.projection import Navigation
 
 TREE_ARRAYS = ("x", "parent", "step", "q", "cell", "length", "risk", "swaps", "beta")
 RISK_COLUMNS = ("mission_risk", "collision_risk", "mission_risk_ordered", "mission_risk_paper")

@@ -14,7 +14,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.logic.automaton import Automaton
 from pareto_ltl.planning.cost import Cost
@@ -27,7 +26,8 @@ from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.world.cells import Decomposition
 from pareto_ltl.world.scene import Scene
-from plane_kernels.types import Cells, Corners, Faces
+from plane_kernels.types import Cells, Corners, Faces, StepBound
+from plane_logic.types import Logic, Ordered, Theorem2
 from wind_laws.tails import ErrorTail
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class Problem(Displayed):
 
     Attributes
     ----------
-    world : kernels.bounds.World
+    world : kernels.data.World
         The models that planning uses, their types picked by ``fidelity``.
     laws : mapping of name to law
         Every wind law, for forecasts and simulation.
@@ -80,10 +80,10 @@ class Problem(Displayed):
 
     scene: Scene
     decomposition: Decomposition
-    world: kb.World
+    world: kd.World
     laws: Mapping[str, kd.Law]
-    theorem2: kb.Theorem2
-    ordered: kb.Ordered
+    theorem2: Theorem2
+    ordered: Ordered
     automaton: Automaton
     labels: tuple[frozenset[str], ...]
     fidelity: FidelityConfig
@@ -119,14 +119,14 @@ class Problem(Displayed):
         return self.world.mission.cells
 
     @property
-    def logic(self) -> kd.Logic:
+    def logic(self) -> Logic:
         """The automaton on the letters that cells show."""
         return self.world.mission.logic
 
     @property
     def is_published(self) -> bool:
         """Whether the plan has the models of the paper, so that a tree vertex costs what its path costs."""
-        kinds = kd.IndependentLaw, kb.Theorem2, kb.StepBound
+        kinds = kd.IndependentLaw, Theorem2, StepBound
         return all(isinstance(model, kind) for model, kind in zip(self.world, kinds, strict=True))
 
     @property
@@ -305,7 +305,7 @@ class Problem(Displayed):
 
     def states(self, x: FloatArray) -> IntArray:
         """Automaton state after each step of the positions ``x`` (T+1, 2), flyable or not, (T+1,)."""
-        from pareto_ltl.kernels.letters import states_along
+        from plane_logic.letters import states_along
 
         states: IntArray = states_along(self.cells, self.logic, np.ascontiguousarray(x))
         return states

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Logic
-from pareto_ltl.kernels.dijkstra import Heap, Product
 from pareto_ltl.kernels.growth import Fans
 from pareto_ltl.planning.pack_logic import helpful_delta
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.world.cells import Decomposition
+from plane_logic.dijkstra import Heap, Product
+from plane_logic.types import Logic
 
 if TYPE_CHECKING:
     import networkx as nx

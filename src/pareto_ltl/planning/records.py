@@ -10,18 +10,19 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from careful_io.texts import distance_text, interval_text, probability_text
+from flight_quantities.frames import Navigation
+from flight_quantities.heights import FlownAir, Height
 from pareto_ltl.planning.costs import cost_named
 from pareto_ltl.planning.costs.duration import hours_text
 from pareto_ltl.planning.limits import Price, Remedy, SegmentLimits, WorstSegment, remedies_text
 from pareto_ltl.planning.rates import FailureRate, Promise
 from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.settings.fidelity import models_of
-from pareto_ltl.settings.heights import FlownAir, Height
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed, branched_text
 from pareto_ltl.support.extras import require_extra
 from pareto_ltl.wind.coverage import level_gap
-from pareto_ltl.world.projection import Frame, Navigation
+from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene import Scene
 
 if TYPE_CHECKING:

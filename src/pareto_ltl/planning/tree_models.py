@@ -12,12 +12,12 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import ndtri
 
-from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels.tree import TreeModels
 from pareto_ltl.planning.pack import NO_LIMIT
 from pareto_ltl.planning.problem import Problem, start_breach, start_risk
 from pareto_ltl.support.errors import InfeasibleError
+from plane_kernels.types import StepBound
 
 LOG = logging.getLogger(__name__)
 # Share of the airspeed that trees leave for the mean shift and for heading errors, which only other laws than
@@ -43,7 +43,7 @@ def tree_models(problem: Problem, *, strict: bool = False) -> TreeModels:
     assert isinstance(law, kd.IndependentLaw)
     if problem.world.law is not law:
         law = law._replace(motion=_with_airspeed_left(law.motion))
-    if problem.fidelity.judge == "flights" or not isinstance(collision, kb.StepBound):
+    if problem.fidelity.judge == "flights" or not isinstance(collision, StepBound):
         collision = _step_bound(problem)
     return TreeModels(law, problem.theorem2, collision)
 
@@ -54,7 +54,7 @@ def _with_airspeed_left(motion: kd.Motion) -> kd.Motion:
     return motion._replace(u_max=motion.u_max - left, u_min=least)
 
 
-def _step_bound(problem: Problem) -> kb.StepBound:
+def _step_bound(problem: Problem) -> StepBound:
     """Eq. (10) for planner.epsilon, or for what the start satisfies where that is less.
 
     A plan that is judged by flights or by R has no share of epsilon for each barrier, and its start may be
@@ -67,4 +67,4 @@ def _step_bound(problem: Problem) -> kb.StepBound:
     deviation = np.sqrt(nx * nx * xx + 2.0 * nx * ny * xy + ny * ny * yy)
     away = np.divide(gap, deviation, out=np.full(len(gap), np.inf), where=deviation > 0.0)
     closest = min((float(away[i:j].max()) for i, j in pairwise(barriers.ptr.tolist())), default=z)
-    return kb.StepBound(barriers, problem.world.collision.nearby, max(0.0, min(z, ALMOST * closest)))
+    return StepBound(barriers, problem.world.collision.nearby, max(0.0, min(z, ALMOST * closest)))

@@ -166,10 +166,10 @@ def _is_place(wind: str | Path) -> bool:
 
 def _given_level(wind: Readings | WindField, others: Mapping[str, Any]) -> dict[str, Any]:
     """The settings of a wind in memory, which states its level; ConfigError if ``others`` contradicts it."""
-    from pareto_ltl.support.levels import parse_level
+    from pareto_ltl.support.levels import wind_level
 
     requested = str(others.get("level", "auto"))
-    if requested != "auto" and parse_level(requested) != parse_level(wind.level):
+    if requested != "auto" and wind_level(requested) != wind_level(wind.level):
         raise ConfigError(
             f"wind.level={shown_text(requested)}: the given {type(wind).__name__} states the level "
             f"{wind.level}; leave wind.level out, or give winds of that level"

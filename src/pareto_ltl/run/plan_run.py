@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING, Any, Self
 from careful_io.links import refuse_links_out
 from careful_io.messages import shown_text
 from careful_io.reading import shaped
+from flight_quantities.heights import Height
 from pareto_ltl.run import provenance
 from pareto_ltl.run.plan_additions import additions_to_plans
 from pareto_ltl.run.record import BaseRun, Record, record
 from pareto_ltl.run.required import require_formula, require_map
 from pareto_ltl.settings import RobotConfig, WindConfig
 from pareto_ltl.settings.building import read_settings_file
-from pareto_ltl.settings.heights import Height, flight_height
+from pareto_ltl.settings.heights import flight_height
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.run_status import ANSWERS
 from pareto_ltl.support.schemas import read_document

@@ -8,6 +8,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
+from flight_quantities.heights import FlownAir, Height
+from flight_quantities.medium import WATER, Medium, medium_of
 from pareto_ltl.settings.checks import (
     SEEDS,
     CheckedSettings,
@@ -17,7 +19,7 @@ from pareto_ltl.settings.checks import (
     settings_below,
 )
 from pareto_ltl.settings.fidelity import LAWS, PRESETS, FidelityConfig, preset
-from pareto_ltl.settings.heights import FlownAir, Height, flight_air, flight_height
+from pareto_ltl.settings.heights import flight_air, flight_height
 from pareto_ltl.settings.mission import MissionConfig, RobotConfig, SceneConfig
 from pareto_ltl.settings.planner import (
     DeploymentConfig,
@@ -31,7 +33,6 @@ from pareto_ltl.settings.planner import (
 from pareto_ltl.settings.wind import WindConfig, usual_level, wind_sources
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import SETTINGS_GROUP, load_all
-from pareto_ltl.support.medium import WATER, Medium, medium_of
 
 Section = TypeVar("Section", bound=CheckedSettings)
 

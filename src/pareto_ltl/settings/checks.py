@@ -23,8 +23,8 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.extensions import extension_names
 
 if TYPE_CHECKING:
+    from flight_quantities.levels import Level
     from pareto_ltl.settings import Settings
-    from pareto_ltl.support.levels import Level
 
 KIND_TEXTS = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
 ITEM_TEXTS = {int: "whole numbers", float: "numbers", str: "texts"}

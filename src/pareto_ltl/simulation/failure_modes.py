@@ -6,7 +6,7 @@ feedback reaches its largest airspeed. So only the directions ω are of the line
 themselves decide how far away failures begin.
 
 1. Pilots are common flights whose draws are enlarged until they fail; those that fail first are examined.
-2. Where a flight fails, one event binds its margin (:mod:`pareto_ltl.kernels.margin`): a point of the flight
+2. Where a flight fails, one event binds its margin (:mod:`plane_logic.margin`): a point of the flight
    lies on the wrong side of a line. Its normal is a linear form of the deviations, and gives ω. A robot whose
    airspeed does not suffice deviates as one with less feedback, so the form is also taken of the deviations
    with half and with none of the feedback. Headwinds over some steps in a row are looked for as well: pilots
@@ -32,7 +32,6 @@ from scipy.special import ndtr
 from pareto_ltl.kernels import data as kd
 from pareto_ltl.kernels import flight as rollout
 from pareto_ltl.kernels import importance as kernel
-from pareto_ltl.kernels.margin import Slope, smoothed_failure
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.pilots import Autopilot
 from pareto_ltl.planning.evaluate import propagate, propagate_controls
@@ -43,6 +42,7 @@ from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.simulation.robot_errors import erring_pilot
 from pareto_ltl.support.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from plane_logic.margin import Slope, smoothed_failure
 from wind_laws.tails import ErrorTail
 
 PILOTS = 500  # common flights whose events are looked for

@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from careful_io.faults import Faults
-from pareto_ltl.settings.heights import MeasuredAir
+from flight_quantities.heights import MeasuredAir
+from flight_quantities.levels import HEIGHT, PRESSURE, Level
 from pareto_ltl.support.arrays import FloatArray, require_shape
-from pareto_ltl.support.levels import HEIGHT, PRESSURE, Level, parse_level
+from pareto_ltl.support.levels import wind_level
 
 COLDEST, WARMEST = 173.15, 333.15  # [K] of air up to 32 km
 LEAST_PRESSURE, LARGEST_PRESSURE = 500.0, 110_000.0  # [Pa]
@@ -127,7 +128,7 @@ def map_air(airs: Mapping[float, NodeAir | None], bounds: FloatArray) -> MapAir 
 def _on_map(air: NodeAir, bounds: FloatArray) -> tuple[float, float] | None:
     """Mean temperature and pressure of the nodes on the map, or of those nearest to it."""
     known = np.isfinite(air.temperature)
-    level = parse_level(air.level)
+    level = wind_level(air.level)
     if level.kind == PRESSURE:
         known &= ~(air.pressure < level.value)
     if not known.any():

@@ -8,8 +8,8 @@ import numpy as np
 
 from careful_io.texts import probability_text
 from careful_io.times import HOUR, iso, seconds
+from flight_quantities.medium import medium_of
 from pareto_ltl.support.levels import level_mismatch
-from pareto_ltl.support.medium import medium_of
 from pareto_ltl.wind.records import WindField
 from wind_laws.change_law import reasons_text
 from wind_laws.documents import packaged_law

@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 
 from careful_io.files import write_bytes
 from careful_io.reading import inside, read_json
+from flight_quantities.levels import DEPTH, HEIGHT, PRESSURE
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.file_formats import DAMAGE
-from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, parse_level
+from pareto_ltl.support.levels import wind_level
 from pareto_ltl.support.schemas import check_document
 from pareto_ltl.wind.air import MapAir
 from pareto_ltl.wind.named_laws import SCHEMAS
@@ -154,7 +155,7 @@ def _field_variables(field: WindField, scene: Scene | None) -> Iterator[NetcdfVa
     yield "x", ("x",), x, {"standard_name": "projection_x_coordinate", "units": "m", "axis": "X"}
     lead = "valid time minus start of the forecast; NaN where it is not known"
     yield "lead", TIME, field.leads, _attributes(lead, "s") | {"standard_name": "forecast_period"}
-    level = parse_level(field.level)
+    level = wind_level(field.level)
     height, unit, positive = LEVEL_VARIABLES[level.kind]
     described = {"standard_name": height, "units": unit, "positive": positive, "axis": "Z"}
     yield height, (), level.value, described

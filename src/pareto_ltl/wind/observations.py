@@ -11,11 +11,12 @@ import numpy as np
 
 from careful_io.texts import probability_text
 from careful_io.times import HOUR, iso, seconds
+from flight_quantities.levels import DEPTH
+from flight_quantities.sphere import on_sphere
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray, rotate_vectors
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.levels import DEPTH, parse_level
-from pareto_ltl.support.sphere import on_sphere
+from pareto_ltl.support.levels import wind_level
 from pareto_ltl.wind.air import MapAir, NodeAir, map_air
 from pareto_ltl.wind.area import swap_question
 from pareto_ltl.wind.doubts import assumed_leads, edge_warning, refuse_small_extent, spread_warning
@@ -136,7 +137,7 @@ def law_of_wind(cfg: WindConfig, readings: Readings) -> ErrorLaw:
     name = cfg.forecast_error
     if name == AUTO:
         name = readings.law or wind_source(cfg).forecast_error
-        if name != NONE and parse_level(readings.level).kind == DEPTH:
+        if name != NONE and wind_level(readings.level).kind == DEPTH:
             name = CURRENTS
     law = law_named(name)
     if law.situations is not None and law.situations < FEW_SITUATIONS:
@@ -163,7 +164,7 @@ def _implied_leads(cfg: WindConfig, readings: Readings) -> FloatArray:
 
 def of_weather_model(cfg: WindConfig, readings: Readings) -> bool:
     """Whether the readings are fields of a weather model whose age and analyses count."""
-    return wind_source(cfg).modelled and parse_level(readings.level).kind != DEPTH
+    return wind_source(cfg).modelled and wind_level(readings.level).kind != DEPTH
 
 
 def _variability(

@@ -10,10 +10,10 @@ import numpy as np
 
 from careful_io.faults import Faults
 from careful_io.times import iso, seconds
+from flight_quantities.levels import DEPTH, Level
+from flight_quantities.sphere import wrap_longitude
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import Displayed
-from pareto_ltl.support.levels import DEPTH, Level
-from pareto_ltl.support.sphere import wrap_longitude
 from pareto_ltl.wind.air import NodeAir
 from wind_laws.places import node_rows
 

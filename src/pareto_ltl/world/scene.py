@@ -17,11 +17,11 @@ import shapely
 
 from careful_io.messages import shown_text
 from careful_io.texts import distance_text, listed_text
+from flight_quantities.lengths import length_in_metres
 from pareto_ltl.settings.fidelity import BORDERS
 from pareto_ltl.support.arrays import FloatArray, require_shape
 from pareto_ltl.support.display import Displayed
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.map_lengths import length_in_metres
 from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.windows import Window
 

@@ -8,9 +8,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from careful_io.texts import listed_text
-from pareto_ltl.settings.heights import Height as FlightHeight
+from flight_quantities.heights import Height as FlightHeight
+from flight_quantities.lengths import HIGHEST, LOWEST, Height
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.map_lengths import HIGHEST, LOWEST, Height
 from pareto_ltl.world.scene import AbsentPlace
 from pareto_ltl.world.scene_sketch import DrawingRules, Place, SceneSketch
 

@@ -18,13 +18,13 @@ from careful_io.files import write_json
 from careful_io.messages import shown_text
 from careful_io.texts import distance_text, listed_text
 from careful_io.times import lacks_zone
+from flight_quantities import frames
+from flight_quantities.heights import Height
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.settings.building import section_of
-from pareto_ltl.settings.heights import Height
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.resources import choices
-from pareto_ltl.world import projection
 from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene import Scene
@@ -215,7 +215,7 @@ def _sketch_settings(cfg: SceneConfig) -> SceneSketch:
         regions=regions,
         obstacles=obstacles,
         show=show,
-        crs=projection.local_plane(*cfg.centre) if cfg.centre is not None else None,
+        crs=frames.local_plane(*cfg.centre) if cfg.centre is not None else None,
         landmarks=landmarks,
         timed=timed,
         faults=tuple(faults.texts),

@@ -15,10 +15,10 @@ import numpy as np
 
 from careful_io.faults import Faults
 from careful_io.messages import shown_text
-from pareto_ltl.settings.heights import Height as FlightHeight
+from flight_quantities.heights import Height as FlightHeight
+from flight_quantities.lengths import HIGHEST, LOWEST, Height
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.map_lengths import HIGHEST, LOWEST, Height
 from pareto_ltl.world.map_formats import Unread
 from pareto_ltl.world.scene import AbsentPlace, FixShape, read_fix
 from pareto_ltl.world.windows import TimedPlace

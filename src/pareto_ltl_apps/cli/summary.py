@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from careful_io.texts import probability_text, rate_text
+from flight_quantities.medium import AIR, Medium
 from pareto_ltl import Settings
 from pareto_ltl.support.display import allowed_text, answer_text, branched_text, winds_text
-from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl_apps.cli.output import Answer, shown_table
 from pareto_ltl_apps.exports.settings import ExportsConfig
 from pareto_ltl_apps.view import PAGE_FILE

@@ -36,8 +36,8 @@ READ_AT_START = (
 )  # fmt: skip
 SOURCES = Path(__file__).resolve().parents[2]  # folder of the installed packages
 OURS = (
-    "careful_io", "ltlf", "pareto_ltl", "pareto_ltl_apps", "pareto_ltl_verify", "plane_kernels",
-    "typed_kernels", "wind_laws", "hydra_plugins",
+    "careful_io", "flight_quantities", "ltlf", "pareto_ltl", "pareto_ltl_apps", "pareto_ltl_verify",
+    "plane_kernels", "plane_logic", "typed_kernels", "hydra_plugins", "wind_laws",
 )  # fmt: skip
 NOT_WARM = {"warm", "warmup", "serve", "follow", "sweep", "verify", "rerun", "cache", "formula"}
 

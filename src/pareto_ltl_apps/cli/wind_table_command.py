@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.levels import parse_level
+from pareto_ltl.support.levels import wind_level
 from pareto_ltl_apps.cli.output import Answer
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def check_table(options: Namespace) -> Answer:
     from pareto_ltl_apps.wind_errors.law_check import check_document, check_law, spread_note
     from pareto_ltl_apps.wind_errors.point_tables import read_point_table
 
-    parse_level(options.level, "--level")
+    wind_level(options.level, "--level")
     law = _law(options.law)
     table = read_point_table(options.check)
     measured, law = law, law.for_winds(options.level, table.spread)
@@ -96,7 +96,7 @@ def estimate_from_table(options: Namespace) -> Answer:
     from pareto_ltl_apps.wind_errors.point_tables import read_point_table
 
     check_out(options.out, options.folder)
-    parse_level(options.level, "--level")
+    wind_level(options.level, "--level")
     table = read_point_table(options.folder)
     name = options.name or options.folder.name.partition(".")[0][:LONGEST_NAME]
     estimate = estimate_law(table, name, options.level, options.seed)

@@ -16,10 +16,10 @@ import numpy as np
 
 from careful_io.messages import shown_value
 from careful_io.reading import read_json, read_text
+from flight_quantities.medium import medium_of
 from pareto_ltl import Scene, WindField, choose, export, load_results
 from pareto_ltl.extend import Deployment, Front, cost_named
 from pareto_ltl.support.errors import DataError, InfeasibleError, NotFoundError
-from pareto_ltl.support.medium import medium_of
 from pareto_ltl_apps.desk.folder import DeskFolder
 from pareto_ltl_apps.desk.wind_levels import wind_levels
 from pareto_ltl_apps.exports.kinds import format_names

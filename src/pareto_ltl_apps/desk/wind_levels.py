@@ -10,11 +10,12 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from careful_io.times import seconds
+from flight_quantities.levels import ALIKE, Level
+from flight_quantities.medium import medium_of
 from pareto_ltl import Readings, Scene, WindField
 from pareto_ltl.extend import Frame, GeoBox, Wanted, WindConfig
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.levels import ALIKE, Level, parse_level
-from pareto_ltl.support.medium import medium_of
+from pareto_ltl.support.levels import wind_level
 from pareto_ltl_apps.desk.folder import DeskFolder
 from pareto_ltl_apps.formats.wind_sources import SOURCES, levels_in_files
 from pareto_ltl_apps.view.page.ground import rounded
@@ -43,7 +44,7 @@ def wind_levels(
     DataError, ConfigError
         If the files are not in the folder of the desk any more, or cannot be read.
     """
-    flown = parse_level(wind.level)
+    flown = wind_level(wind.level)
     flow = medium_of(wind.level).flow
     one = f"The {flow} of this plan is known at one level, {flown.phrase}"
     if not cfg.path:

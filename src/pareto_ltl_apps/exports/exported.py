@@ -10,6 +10,7 @@ from typing import NamedTuple
 from numpy.random import SeedSequence
 
 from careful_io.texts import listed_text, rate_text
+from flight_quantities.medium import Medium
 from pareto_ltl import Scene, Settings
 from pareto_ltl.extend import (
     Branching,
@@ -22,7 +23,6 @@ from pareto_ltl.extend import (
     simulate_flights,
 )
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.medium import Medium
 from pareto_ltl.support.seeds import unspawned
 from pareto_ltl_apps.exports.branches import ExportedBranch, branch_sentences, exported_branches
 from pareto_ltl_apps.exports.corridor import Corridor, flown_corridor

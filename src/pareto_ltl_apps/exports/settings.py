@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from careful_io.messages import wrong_value
+from flight_quantities.levels import DEPTH, HEIGHT, Level
 from pareto_ltl.extend import CheckedSettings, setting
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.levels import DEPTH, HEIGHT, Level
 from pareto_ltl_apps.exports.kinds import EXPORT_GROUP, FORMATS
 
 ON_REQUEST = ("f3548", "fpl", "lua")  # formats that are written only if asked for

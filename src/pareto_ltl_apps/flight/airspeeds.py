@@ -12,9 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pareto_ltl import Settings
-from pareto_ltl.extend import FlownAir
-from pareto_ltl.support.atmosphere import (
+from flight_quantities.atmosphere import (
     FREEZING,
     Air,
     calibrated_airspeed,
@@ -22,6 +20,8 @@ from pareto_ltl.support.atmosphere import (
     standard_height,
     true_airspeed,
 )
+from pareto_ltl import Settings
+from pareto_ltl.extend import FlownAir
 
 ALIKE = 0.1  # [K] between temperatures that are one
 OLD = 60.0  # [s] after which a pressure is not of this height any longer

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable
 
 from careful_io.texts import distance_text, in_kilometres, probability_text
-from pareto_ltl.support.medium import AIR, MEDIA
+from flight_quantities.medium import AIR, MEDIA
 from pareto_ltl_apps.flight.goals import BELIEVED
 from pareto_ltl_apps.flight.rules import Event
 from pareto_ltl_apps.flight.telemetry import refused_text

@@ -20,8 +20,8 @@ import numpy as np
 
 from careful_io.messages import shown_value
 from careful_io.reading import refuse_special
+from flight_quantities.atmosphere import true_airspeed
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.atmosphere import true_airspeed
 from pareto_ltl.support.departure import seconds_after
 from pareto_ltl.support.errors import DataError
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from careful_io.texts import probability_text
+from flight_quantities.medium import AIR, Medium
 from pareto_ltl.extend import Plan, Problem, plan_on_branch
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl_apps.conditioning import Fix
 from pareto_ltl_apps.exports.ellipses import axes_of, ellipse_scale
 from pareto_ltl_apps.flight.belief import LAW, Belief, Estimate

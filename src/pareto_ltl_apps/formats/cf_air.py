@@ -9,8 +9,8 @@ import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
-from pareto_ltl.support.atmosphere import temperature_scale
-from pareto_ltl.support.levels import HEIGHT, PRESSURES, Level, nearest_level
+from flight_quantities.atmosphere import temperature_scale
+from flight_quantities.levels import HEIGHT, PRESSURES, Level, nearest_level
 from pareto_ltl_apps.formats.cf_grid import levels_of, text
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flight_quantities.levels import DEPTH, LENGTHS, PRESSURE, PRESSURES, Level
 from pareto_ltl.extend import GeoBox
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.levels import DEPTH, LENGTHS, PRESSURE, PRESSURES, Level
 from pareto_ltl_apps.formats.cf_directions import GridMapping, grid_mapping, twist_of_array
 from pareto_ltl_apps.formats.grid_directions import axes_are_east_and_north
 from pareto_ltl_apps.formats.snapshots import Nodes, crop

@@ -22,13 +22,13 @@ from careful_io.faults import Faults, FaultsError
 from careful_io.files import write_text
 from careful_io.messages import shown_text, shown_value
 from careful_io.times import HOUR, iso
+from flight_quantities.atmosphere import temperature_scale
+from flight_quantities.levels import PRESSURES
+from flight_quantities.sphere import wrap_longitude
 from pareto_ltl import Readings
 from pareto_ltl.extend import NodeAir, Snapshot, readings_of
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.atmosphere import temperature_scale
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.levels import PRESSURES
-from pareto_ltl.support.sphere import wrap_longitude
 from pareto_ltl.wind.readings import check_readings
 from pareto_ltl_apps.formats.flow_components import FROM, SPEED, TEMPERATURE, TOWARDS, polar_winds
 from pareto_ltl_apps.formats.speed_units import EXPECTED, KNOT, speed_factor

@@ -29,13 +29,14 @@ import numpy as np
 
 from careful_io.faults import Faults
 from careful_io.times import iso
+from flight_quantities.atmosphere import temperature_scale
+from flight_quantities.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, nearest_level
 from pareto_ltl.extend import GeoBox, NodeAir, Snapshot
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.atmosphere import temperature_scale
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.extras import missing_extra
 from pareto_ltl.support.file_formats import wind_file
-from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list, nearest_level, parse_level
+from pareto_ltl.support.levels import wind_level
 from pareto_ltl_apps.formats.flow_components import SPEED, TEMPERATURE, U
 from pareto_ltl_apps.formats.grib_frames import check_frames
 from pareto_ltl_apps.formats.grid_directions import twist_of_grib
@@ -125,7 +126,7 @@ def grib_snapshots_apart(
     DataError
         As :func:`grib_snapshots`, and if the process ends without an answer.
     """
-    parse_level(level)
+    wind_level(level)
     box = None if area is None else astuple(area)
     reported, arrays = _apart(files, max_speed, level, box, quantity.name)
     winds = tuple(

@@ -19,8 +19,8 @@ from itertools import pairwise
 from typing import Any
 
 from careful_io.messages import shown_text
+from flight_quantities.levels import HEIGHT, PRESSURE, Level, level_list
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.levels import HEIGHT, PRESSURE, Level, level_list
 from pareto_ltl_apps.formats.download import ByteRange
 from pareto_ltl_apps.formats.flow_components import FROM, SPEED, U, V
 from pareto_ltl_apps.formats.quantities import SURFACE_PRESSURE

@@ -20,7 +20,7 @@ from careful_io.times import HOUR, iso, seconds
 from pareto_ltl import Readings
 from pareto_ltl.extend import Wanted, WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.levels import parse_level
+from pareto_ltl.support.levels import wind_level
 from pareto_ltl_apps.formats.download import ByteRange, NotThereError, fetch_bytes
 from pareto_ltl_apps.formats.download_cache import DownloadCache
 from pareto_ltl_apps.formats.grib_files import grib_snapshots_apart
@@ -155,7 +155,7 @@ class _Fetch:
 
     def __init__(self, cfg: WindConfig, model: LiveModel, region: str, members: int) -> None:
         self.cfg, self.model, self.region, self.members = cfg, model, region, members
-        self.level = parse_level(cfg.level)
+        self.level = wind_level(cfg.level)
         self.store = DownloadCache()
         self.store.trim()  # before fetching, so that the new files are kept
         _CACHES.append(self.store)

@@ -14,9 +14,9 @@ from datetime import UTC, datetime
 from typing import NamedTuple
 
 from careful_io.times import HOUR
+from flight_quantities.levels import HEIGHT, Level
 from pareto_ltl.extend import GeoBox
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.levels import HEIGHT, Level
 from pareto_ltl_apps.formats.quantities import CURRENTS, WINDS, Quantity, level_gap, wanted_level
 
 OLDEST_CYCLE = 48  # [h] older cycles are not searched for

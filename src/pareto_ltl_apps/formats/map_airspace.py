@@ -14,10 +14,10 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from careful_io.messages import shown_text, shown_value
+from flight_quantities.lengths import Height
+from flight_quantities.levels import FOOT
 from pareto_ltl.extend import Unread
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.levels import FOOT
-from pareto_ltl.support.map_lengths import Height
 from pareto_ltl_apps.formats.map_file import MapFile
 from pareto_ltl_apps.formats.map_openair import limit_text
 

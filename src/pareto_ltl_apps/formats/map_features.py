@@ -18,10 +18,10 @@ from careful_io.faults import Faults
 from careful_io.messages import shown_text, shown_value
 from careful_io.projections import refuse_files
 from careful_io.reading import shown_json
+from flight_quantities.lengths import HIGHEST, LOWEST, height, length_in_metres
 from pareto_ltl.extend import Place, TimedPlace, Unread, called, read_corners, read_fix, read_start
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.map_lengths import HIGHEST, LOWEST, height, length_in_metres
 from pareto_ltl_apps.formats.map_airspace import with_limits
 from pareto_ltl_apps.formats.map_edges import straight_in_crs
 from pareto_ltl_apps.formats.map_file import MapFile

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from careful_io.messages import shown_text
+from flight_quantities.lengths import NAUTICAL_MILE, Height, height
 from pareto_ltl.extend import Unread
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.map_lengths import NAUTICAL_MILE, Height, height
 from pareto_ltl_apps.formats.feature_limit import MAX_FEATURES
 from pareto_ltl_apps.formats.map_file import MapFile
 
@@ -176,7 +176,7 @@ class _OpenAirReader:
 
 
 def limit_text(found: Height) -> str:
-    """The text of a height, which :func:`~pareto_ltl.support.map_lengths.height` reads again."""
+    """The text of a height, which :func:`~flight_quantities.lengths.height` reads again."""
     if found.metres == math.inf:
         return "UNL"
     if found == (0.0, "AGL"):

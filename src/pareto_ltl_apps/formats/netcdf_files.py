@@ -17,12 +17,12 @@ import numpy as np
 from careful_io.faults import Faults
 from careful_io.messages import shown_value
 from careful_io.times import iso
+from flight_quantities.levels import DEPTH, PRESSURE, Level, level_list
 from pareto_ltl.extend import GeoBox
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
 from pareto_ltl.support.extras import require_extra
 from pareto_ltl.support.file_formats import HDF5, format_of, wind_file
-from pareto_ltl.support.levels import DEPTH, PRESSURE, Level, level_list
 from pareto_ltl_apps.formats.cf_air import AirArray, surface_pressure_of, temperature_of
 from pareto_ltl_apps.formats.cf_directions import with_projection
 from pareto_ltl_apps.formats.cf_grid import levels_of, member_dimension, nodes_of, text

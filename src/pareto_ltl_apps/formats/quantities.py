@@ -15,10 +15,11 @@ import numpy as np
 
 from careful_io.faults import Faults
 from careful_io.times import iso
+from flight_quantities.levels import DEPTH, HEIGHT, PRESSURE, Level
 from pareto_ltl.extend import NodeAir, Snapshot
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, Level, parse_level
+from pareto_ltl.support.levels import wind_level
 from pareto_ltl_apps.formats.flow_components import FROM, SPEED, TEMPERATURE, TOWARDS, U, V, polar_winds
 from pareto_ltl_apps.formats.snapshots import GridWind, Nodes
 
@@ -159,7 +160,7 @@ def other_quantity(quantity: Quantity) -> Quantity:
 
 def wanted_level(quantity: Quantity, level: str) -> Level:
     """The level of ``wind.level``: of currents, a length is a depth. DataError for a pressure of currents."""
-    wanted = parse_level(level)
+    wanted = wind_level(level)
     if quantity.length != DEPTH:
         return wanted
     if wanted.kind == PRESSURE:

@@ -15,12 +15,13 @@ import numpy as np
 
 from careful_io.faults import Faults
 from careful_io.times import iso
+from flight_quantities.levels import PRESSURE, Level
+from flight_quantities.sphere import wrap_longitude
 from pareto_ltl import Readings
 from pareto_ltl.extend import GeoBox, NodeAir, Snapshot, WindConfig, readings_of
 from pareto_ltl.support.arrays import FloatArray, IntArray, rotate_vectors
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.levels import PRESSURE, Level, parse_level
-from pareto_ltl.support.sphere import wrap_longitude
+from pareto_ltl.support.levels import wind_level
 from pareto_ltl.wind.readings import check_readings
 from pareto_ltl.wind.snapshots import one_level
 
@@ -108,7 +109,7 @@ def earth_relative(
         here = np.asarray(np.isfinite(snap.winds).all(axis=1))
         nodes, missing = nodes + len(here), missing + int((~here).sum())
         if level.kind == PRESSURE and pressure is not None and len(pressure) == len(here):
-            ground = here & (pressure < parse_level(snap.level).value)
+            ground = here & (pressure < wind_level(snap.level).value)
             here, checked, below = here & ~ground, checked + len(here), below + int(ground.sum())
         else:
             unchecked += 1

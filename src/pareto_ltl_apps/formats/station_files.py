@@ -21,11 +21,11 @@ import numpy as np
 from careful_io.faults import Faults
 from careful_io.messages import shown_value
 from careful_io.times import HOUR
+from flight_quantities.sphere import wrap_longitude
 from pareto_ltl import Readings
 from pareto_ltl.extend import GeoBox, Snapshot, readings_of
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.sphere import wrap_longitude
 from pareto_ltl_apps.formats.flow_components import FROM, polar_winds
 from pareto_ltl_apps.formats.station_tables import LOCAL, UTC, RawReports, read_reports
 from pareto_ltl_apps.formats.tables import seconds_of

@@ -10,9 +10,9 @@ from pareto_ltl import ConfigError, DataError
 from pareto_ltl.extend import WindFormats, WindSource
 
 if TYPE_CHECKING:
+    from flight_quantities.levels import Level
     from pareto_ltl import Readings
     from pareto_ltl.extend import Wanted, WindConfig
-    from pareto_ltl.support.levels import Level
 
 Read = Callable[["WindConfig", "Wanted"], "Readings"]
 SOURCES: dict[str, WindSource] = {}
@@ -64,7 +64,8 @@ def sample(cfg: WindConfig, wanted: Wanted) -> Readings:
 @source(files=_of_path, reads_path=True, level="stated")
 def csv(cfg: WindConfig, wanted: Wanted) -> Readings:
     """CSV tables at ``wind.level``, which they do not state; at a depth, they are currents."""
-    from pareto_ltl.support.levels import DEPTH, HEIGHT, PRESSURE, table_level
+    from flight_quantities.levels import DEPTH, HEIGHT, PRESSURE
+    from pareto_ltl.support.levels import table_level
     from pareto_ltl_apps.formats.csv_files import read_csv_files
 
     level = table_level(cfg.level, (HEIGHT, PRESSURE, DEPTH), "a table of winds or currents")
@@ -99,7 +100,8 @@ def netcdf(cfg: WindConfig, wanted: Wanted) -> Readings:
 @source(files=_of_path, reads_path=True, forecast_error="none", level="stated", modelled=False)
 def stations(cfg: WindConfig, wanted: Wanted) -> Readings:
     """Reports of stations."""
-    from pareto_ltl.support.levels import HEIGHT, table_level
+    from flight_quantities.levels import HEIGHT
+    from pareto_ltl.support.levels import table_level
     from pareto_ltl_apps.formats.station_files import read_station_files
 
     level = table_level(cfg.level, (HEIGHT,), "stations report winds near the ground")

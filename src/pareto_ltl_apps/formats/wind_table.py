@@ -10,12 +10,12 @@ import numpy as np
 from careful_io.files import write_text
 from careful_io.fingerprints import file_fingerprint
 from careful_io.times import iso, seconds
+from flight_quantities.sphere import on_sphere
 from pareto_ltl import Readings
 from pareto_ltl.extend import WindConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.levels import parse_level
-from pareto_ltl.support.sphere import on_sphere
+from pareto_ltl.support.levels import wind_level
 from pareto_ltl.wind.observations import FEWEST_READINGS
 from pareto_ltl_apps.formats.csv_files import write_csv_table
 from pareto_ltl_apps.formats.settings import IngestConfig
@@ -103,7 +103,7 @@ def common_nodes(readings: Readings, kept: IntArray, ingest: IngestConfig) -> Fl
 def _table_provenance(
     cfg: WindConfig, ingest: IngestConfig, readings: Readings, kept: IntArray, nodes: FloatArray
 ) -> dict[str, object]:
-    level = parse_level(readings.level).phrase
+    level = wind_level(readings.level).phrase
     files = {file: None for k in kept for file in readings.origins[k]}
     return {
         "columns": {

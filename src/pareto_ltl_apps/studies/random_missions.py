@@ -15,13 +15,13 @@ import numpy as np
 from numpy.random import Generator, SeedSequence
 
 from careful_io.times import iso, seconds
+from flight_quantities.sphere import wrap_longitude
 from pareto_ltl import Readings, Scene, WindField
 from pareto_ltl.extend import Frame, WindConfig
 from pareto_ltl.support.arrays import FloatArray, rotate_vectors
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.file_formats import is_data_file
 from pareto_ltl.support.resources import checkout
-from pareto_ltl.support.sphere import wrap_longitude
 from pareto_ltl_apps.studies.settings import ForecastTestConfig
 from wind_laws.lattice import wind_lattice
 

@@ -9,7 +9,7 @@ from careful_io.messages import shown_value, wrong_value
 from pareto_ltl.extend import CheckedSettings, FidelityConfig, WindConfig, check_time, setting
 from pareto_ltl.settings.checks import SEEDS
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.levels import parse_level
+from pareto_ltl.support.levels import wind_level
 from pareto_ltl_apps.formats.settings import check_outline
 
 if TYPE_CHECKING:
@@ -294,7 +294,7 @@ class LevelsConfig(CheckedSettings, section="levels"):
 
     def check_combinations(self) -> None:
         """Refuse what is no level or no time, and a level that is listed twice."""
-        texts = [parse_level(str(level), "levels.levels").text for level in self.levels]
+        texts = [wind_level(str(level), "levels.levels").text for level in self.levels]
         if len(set(texts)) < len(texts):
             raise ConfigError(f"levels.levels lists a level twice: {', '.join(texts)}")
         for time in self.starts:

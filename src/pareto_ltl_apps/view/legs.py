@@ -10,11 +10,11 @@ from itertools import pairwise
 import numpy as np
 
 from careful_io.texts import distance_text, probability_text, rate_text, speed_digits
+from flight_quantities.medium import WATER, Medium
 from pareto_ltl import Scene
 from pareto_ltl.extend import Deployment, FailureRate, Plan, PlannedPath, Problem, cost_named, show_letter
 from pareto_ltl.logic.timed import places_of
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.medium import WATER, Medium
 from pareto_ltl_apps.exports.exported import height_sentence
 from pareto_ltl_apps.exports.geojson import border_corners
 from pareto_ltl_apps.exports.navigation_log import expected_winds, navigation_log

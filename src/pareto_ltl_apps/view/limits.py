@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from careful_io.texts import SLOW, distance_text, probability_text
+from flight_quantities.medium import AIR, Medium
 from pareto_ltl import Scene
 from pareto_ltl.extend import Front, Plan, Price
 from pareto_ltl.support.display import allowed_text
-from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl_apps.view.legs import step_times
 
 MOST = 5  # segments and prices that are listed

@@ -17,11 +17,11 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from careful_io.texts import distance_text, probability_text
 from careful_io.times import hours_text
+from flight_quantities.medium import AIR, Medium
 from pareto_ltl import Scene
 from pareto_ltl.extend import Deployment, Plan, SegmentLimits
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.display import allowed_text
-from pareto_ltl.support.medium import AIR, Medium
 from pareto_ltl_apps.view import map_layers, style
 from pareto_ltl_apps.view.axes import hide_frame, scale_rate_axis
 from pareto_ltl_apps.view.land import draw_land

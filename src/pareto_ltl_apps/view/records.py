@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from pareto_ltl.support.medium import WATER, Medium, medium_of
+from flight_quantities.medium import WATER, Medium, medium_of
 
 if TYPE_CHECKING:
     from numpy.random import SeedSequence

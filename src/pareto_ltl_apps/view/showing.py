@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from careful_io.messages import shown_value
+from flight_quantities.medium import medium_of
 from pareto_ltl import Run, choose, load_results, simulate
 from pareto_ltl.extend import Planned, planned_run
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.medium import medium_of
 from pareto_ltl.support.run_status import ending_text
 from pareto_ltl_apps.view import PAGE_FILE, page_stage
 

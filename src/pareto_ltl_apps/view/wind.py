@@ -11,10 +11,10 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
 
+from flight_quantities.medium import medium_of
 from pareto_ltl import Scene, WindField
 from pareto_ltl.extend import Plan
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.medium import medium_of
 from pareto_ltl_apps.exports.geojson import border_corners
 from pareto_ltl_apps.view import lattice, map_layers, style
 

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from careful_io.times import HOUR
+from flight_quantities.sphere import on_sphere
 from pareto_ltl.extend import LawOfParts
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from pareto_ltl.support.sphere import on_sphere
 from pareto_ltl_apps.wind_errors.point_forecasts import (
     PointForecasts,
     Verified,

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from careful_io.times import HOUR, iso
+from flight_quantities.sphere import wrap_longitude
 from pareto_ltl.extend import Snapshot
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.sphere import wrap_longitude
 from pareto_ltl.wind.readings import check_readings
 from pareto_ltl_apps.wind_errors.point_tables import npz_arrays, numbers_of, unpacked_winds
 

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from careful_io.times import iso
+from flight_quantities.sphere import on_sphere
 from pareto_ltl import Readings
 from pareto_ltl.extend import Snapshot
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.sphere import on_sphere
 from wind_laws.places import node_rows, shared_nodes
 
 EARTH_RADIUS = 6_371_000.0  # [m]

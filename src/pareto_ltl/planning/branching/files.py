@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from flight_quantities.frames import Navigation
+from flight_quantities.heights import FlownAir
 from pareto_ltl.planning.branching.cells import Cell
 from pareto_ltl.planning.branching.records import Branch, BranchFix, Branching, TreeRow
 from pareto_ltl.planning.navigation_files import read_navigation
 from pareto_ltl.planning.rates import FailureRate
 from pareto_ltl.planning.records import BY_STEP, Objectives, PlannedPath
-from pareto_ltl.settings.heights import FlownAir
 from pareto_ltl.support.arrays import require_shape
-from pareto_ltl.world.projection import Navigation
 
 DIFFERENCE = ("middle", "low", "high")
 

@@ -11,12 +11,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from flight_quantities.frames import Navigation
 from pareto_ltl.planning.branching.cells import Cell
 from pareto_ltl.planning.rates import FailureRate
 from pareto_ltl.planning.records import BY_STEP, Plan, PlannedPath
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.world.cells import inside_depth
-from pareto_ltl.world.projection import Navigation
 
 
 @dataclass(frozen=True, slots=True)

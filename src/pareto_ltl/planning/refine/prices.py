@@ -25,9 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels import margin as km
 from pareto_ltl.kernels.descent import LEAST_VALUE
-from pareto_ltl.kernels.margin_events import NOWHERE, MarginModel, Scratch
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.limits import Price, SegmentLimits
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch, shown_letters
@@ -37,6 +35,8 @@ from pareto_ltl.planning.refine.programme import Descent, Solution, programme_fo
 from pareto_ltl.planning.refine.sampled import deviations_from
 from pareto_ltl.planning.refine.separation import barrier_names, keeps_epsilon
 from pareto_ltl.support.arrays import FloatArray, IntArray
+from plane_logic import margin as km
+from plane_logic.margin_events import NOWHERE, MarginModel, Scratch
 
 WIDTH = 0.001  # τ as a share of the map's size: half the last width of a polish, with more flights
 TRUST = 0.5  # trust region of the programme about the path [full steps]
@@ -177,7 +177,7 @@ def _barriers_met(problem: Problem, positions: FloatArray, scratch: Scratch, row
 
 
 def _mission_binding(problem: Problem, model: MarginModel, number: int, saving: float) -> Binding:
-    """The region of a mission event, by its number (:mod:`~pareto_ltl.kernels.margin_events`)."""
+    """The region of a mission event, by its number (:mod:`~plane_logic.margin_events`)."""
     if number >= 0:
         t, letter = divmod(number // 2, len(model.first))
         cell, wanted = int(shown_letters(problem)[letter][0]), number % 2 == 0

@@ -2,7 +2,7 @@
 
 ``fidelity.refine=convex`` and ``sampled`` differ in the objective alone: the length and the bounds on the
 risk, or a quadratic model of the failure rate. In the sweeps of ``sampled`` the latter is solved without
-chance constraints, by :mod:`pareto_ltl.kernels.step_solver`, whose memory and limits are at the end.
+chance constraints, by :mod:`plane_kernels.step_solver`, whose memory and limits are at the end.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ import numpy as np
 
 from pareto_ltl.kernels.descent import RIDGE, SLOWEST, Limits
 from pareto_ltl.kernels.path import Flight
-from pareto_ltl.kernels.step_solver import StepModel, Work
 from pareto_ltl.planning.evaluate import airspeed_limits, propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.separation import Separation, separation
@@ -31,6 +30,7 @@ from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.planning.routes.taut_lines import CAP, FACE_MARGIN
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from pareto_ltl.support.arrays import FloatArray
+from plane_kernels.step_solver import StepModel, Work
 
 LOG = logging.getLogger(__name__)
 

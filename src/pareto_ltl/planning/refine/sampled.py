@@ -5,9 +5,9 @@ is the smoothed failure
 
     mean_i σ(-m_i / τ),     τ falling from a share of the map to a few kilometres,
 
-m_i the margin of flight i (:mod:`pareto_ltl.kernels.margin`), by one second-order cone programme a step with
+m_i the margin of flight i (:mod:`plane_logic.margin`), by one second-order cone programme a step with
 the gradient and the Hessian of the binding events, within airspeed, map and the longest length allowed. The
-sweeps of a front solve it by :mod:`pareto_ltl.kernels.step_solver`; the last polish is made by
+sweeps of a front solve it by :mod:`plane_kernels.step_solver`; the last polish is made by
 :class:`ConstrainedRefiner`: the same programme with the chance constraint of every segment, in cvxpy.
 """
 
@@ -19,10 +19,8 @@ from typing import Protocol
 import numpy as np
 
 from pareto_ltl.kernels import descent as kd
-from pareto_ltl.kernels import margin as km
 from pareto_ltl.kernels.attraction import NEAREST, add_attraction
 from pareto_ltl.kernels.data import LandmarkLaw
-from pareto_ltl.kernels.margin_events import MarginModel
 from pareto_ltl.kernels.pacing import fill_leg_times
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import (
@@ -39,6 +37,8 @@ from pareto_ltl.planning.refine.separation import ROUNDING, allowed_risk, separa
 from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, length_of
+from plane_logic import margin as km
+from plane_logic.margin_events import MarginModel
 
 EXCESS = 10.0  # penalty per relative risk of a segment above epsilon
 COUNTED = 8.0  # widths: a flight with a larger margin counts for less than 3e-4

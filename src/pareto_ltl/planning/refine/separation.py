@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from careful_io.texts import distance_text, probability_text, round_up
-from pareto_ltl.kernels import bounds as kb
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.limits import WorstSegment
@@ -118,7 +117,7 @@ def allowed_risk(problem: Problem) -> float:
 def kept_deviations(problem: Problem) -> float:
     """Standard deviations that taut lines, and the faces of Eq. (10), keep from obstacles."""
     bound = problem.world.collision
-    return float(bound.z) if isinstance(bound, kb.StepBound) else KEPT
+    return float(bound.z) if isinstance(bound, kd.StepBound) else KEPT
 
 
 # --- supporting lines --------------------------------------------------------------------------
@@ -215,8 +214,8 @@ def separating(faces: kd.Faces, room: FloatArray) -> IntArray:
 
 
 SEPARATIONS: dict[type, Callable[[Problem, Flight, BoolArray | None, float], Separation]] = {
-    kb.PathBound: _by_lines,
-    kb.StepBound: _by_faces,
+    kd.PathBound: _by_lines,
+    kd.StepBound: _by_faces,
 }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pareto_ltl.support.arrays import FloatArray
+from flight_quantities.arrays import FloatArray
 
 
 def wrap_longitude(lon: FloatArray) -> FloatArray:

@@ -1,7 +1,8 @@
-"""Solver of the second-order cone programme of one refinement step: a primal-dual interior-point method.
+"""Solver of a second-order cone programme on a chain of points: a primal-dual interior-point method.
 
-Variables are the displacements d_t of the means, t = 0 ... T, d_0 = 0, and the lengths l_t of the legs, t = 0
-... T - 1. With p_t = p̄_t + C d_{t+1} - E_t d_t and v_t = v̄_t + d_{t+1} - d_t:
+It moves the points of a path whose steps p_t have limits, and whose length has one. Variables are the
+displacements d_t of the points, t = 0 ... T, d_0 = 0, and the lengths l_t of the legs, t = 0 ... T - 1.
+With p_t = p̄_t + C d_{t+1} - E_t d_t and v_t = v̄_t + d_{t+1} - d_t:
 
     minimise    Σ g_t' d_t + ½ d_t' H_t d_t
     subject to  ‖p_t‖ ≤ cap_t,    û_t' p_t ≥ floor_t,    ‖v_t‖ ≤ l_t,    Σ l_t ≤ longest,
@@ -19,8 +20,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from pareto_ltl.kernels.block_matrix import add_block, eliminate, substitute
-from pareto_ltl.support.arrays import FloatArray
+from plane_kernels.block_matrix import add_block, eliminate, substitute
+from plane_kernels.types import FloatArray
 from typed_kernels.jit import kernel
 
 MOST = 30  # largest number of iterations
@@ -35,7 +36,7 @@ X, DX, TOTAL = range(3)  # tables of points
 
 
 class StepModel(NamedTuple):
-    """Data of one programme; lengths are in full steps, speeds are shares of the largest airspeed.
+    """Data of one programme, in units in which the longest step is about 1: tolerances are absolute.
 
     Attributes
     ----------
@@ -44,7 +45,7 @@ class StepModel(NamedTuple):
     ahead (2, 2), behind (T, 2, 2) : float
         C and E_t.
     heading : (T, 2) float
-        û_t; no rows if there is no smallest airspeed.
+        û_t; no rows if steps have no floor.
     cone : (2 T, 3) float
         Rows (cap_t, p̄_t) and (0, v̄_t).
     line : (L,) float

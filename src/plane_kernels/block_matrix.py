@@ -5,7 +5,7 @@ Diagonal block t is row t (xx, xy, yy) of ``pivot`` (T+1, 3); the block below it
 
 from __future__ import annotations
 
-from pareto_ltl.support.arrays import FloatArray
+from plane_kernels.types import FloatArray
 from typed_kernels.jit import kernel
 
 

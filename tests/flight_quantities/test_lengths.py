@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from flight_quantities.lengths import MAX_METRES, Height, height, length_in_metres
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.map_lengths import MAX_METRES, Height, height, length_in_metres
 
 FACTORS = {
     1.0: "m metre metres meter meters mtr",

@@ -1,6 +1,6 @@
-"""The paper's bound f_o on the mission risk, and the probabilities of the letters of one step.
+"""The bound f_o on the mission risk, and the probabilities of the letters of one step.
 
-The ordered bound V (:mod:`pareto_ltl.kernels.ordered_bound`) combines the steps.
+The ordered bound V (:mod:`plane_logic.ordered_bound`) combines the steps.
 """
 
 from __future__ import annotations
@@ -9,19 +9,18 @@ import math
 
 import numpy as np
 
-from pareto_ltl.kernels.bounds import Ordered, Theorem2
-from pareto_ltl.kernels.letters import epoch_at
-from pareto_ltl.support.arrays import FloatArray, IntArray
 from plane_kernels.gaussian import inside, region_missed, tail, variance_along
 from plane_kernels.geometry import locate_cell
 from plane_kernels.polygon import polygon_probability
-from plane_kernels.types import Cov, Gaussian, Point
+from plane_kernels.types import Cov, FloatArray, Gaussian, IntArray, Point
+from plane_logic.letters import epoch_at
+from plane_logic.types import Ordered, Theorem2
 from typed_kernels.jit import allocating, kernel
 
 REMOTE = 7.35  # standard deviations to one face, with probability 1e-13: the exact value is below rounding
 CERTAIN = 8.0  # standard deviations; beyond this distance probabilities are below 1e-15
 
-# --- f_o of the paper -------------------------------------------------------------------------
+# --- the bound f_o ------------------------------------------------------------------------------
 
 
 @kernel

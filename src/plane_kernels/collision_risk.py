@@ -1,14 +1,13 @@
-"""The chance constraint of each step, under each collision bound."""
+"""The chance constraint of one step of a Gaussian position past convex polygons, under each bound of it."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
-from pareto_ltl.kernels.bounds import CollisionBound, PathBound, StepBound
 from plane_kernels.gaussian import tail, variance_along
 from plane_kernels.geometry import look_around
-from plane_kernels.types import Cov, Faces, Gaussian, Nearby
+from plane_kernels.types import CollisionBound, Cov, Faces, Gaussian, Nearby, PathBound, StepBound
 from typed_kernels.jit import by_type, implements, inlined, kernel
 
 FAR_DEVIATIONS = 5.0  # obstacles more standard deviations away, of a probability below 3e-7, are skipped
@@ -41,14 +40,15 @@ def look_around_leg(nearby: Nearby, leg: Leg) -> tuple[int, float]:
     return look_around(nearby, leg.here.mean, leg.there.mean, max(leg.far_here, leg.far_there))
 
 
-# --- at each step, Eqs. (9) and (10) ----------------------------------------------------------
+# --- each barrier by itself -------------------------------------------------------------------
 
 
 @kernel
 def step_is_clear(bound: StepBound, here: Gaussian, there: Gaussian) -> bool:
-    """Whether every obstacle has one face with c' x - d >= z √(c' Σ c), Eq. (10), at both ends of a step.
+    """Whether every obstacle has one face with c' x - d >= z √(c' Σ c) at both ends of a step.
 
-    Then both ends satisfy Eq. (9), and the segment between their means meets no obstacle.
+    Then each end is in an obstacle with a probability of at most epsilon / m, and the segment between the
+    means meets none.
 
     Eq. (M39) of docs/mathematics.md.
     """
@@ -70,13 +70,13 @@ def step_is_clear(bound: StepBound, here: Gaussian, there: Gaussian) -> bool:
 
 @kernel
 def clears_face(bound: StepBound, k: int, here: Gaussian) -> bool:
-    """Whether a position is outside face k with the probability that Eq. (10) requires."""
+    """Whether a position is outside face k with a probability of at least 1 - epsilon / m."""
     nx, ny, z = bound.barriers.normal[k, 0], bound.barriers.normal[k, 1], bound.z
     gap = nx * here.mean.x + ny * here.mean.y - bound.barriers.offset[k]
     return bool((gap >= 0.0 or z < 0.0) and gap >= z * math.sqrt(variance_along(nx, ny, here.cov)))
 
 
-# --- the constraint on a step of a given path -------------------------------------------------
+# --- under either bound -----------------------------------------------------------------------
 
 
 @by_type

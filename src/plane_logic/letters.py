@@ -10,10 +10,9 @@ import math
 
 import numpy as np
 
-from pareto_ltl.kernels.data import Logic
-from pareto_ltl.support.arrays import FloatArray, IntArray
 from plane_kernels.geometry import entry_share, locate_cell
-from plane_kernels.types import Cells, Point
+from plane_kernels.types import Cells, FloatArray, IntArray, Point
+from plane_logic.types import Logic
 from typed_kernels.jit import allocating, inlined, kernel
 
 

@@ -1,18 +1,44 @@
-"""Bounds on the risk of missions and collisions as named tuples, and the world of all models."""
+"""An automaton on the labels of cells, and bounds on the risk of its mission, as named tuples."""
 
 from __future__ import annotations
 
 from typing import NamedTuple, TypeAlias
 
-from pareto_ltl.kernels.data import Law, Logic
-from pareto_ltl.support.arrays import BoolArray, FloatArray, Int32Array, IntArray
-from plane_kernels.types import Cells, Corners, Faces, Nearby
+from plane_kernels.types import BoolArray, Cells, Corners, Faces, FloatArray, Int32Array, IntArray
 
-# --- mission bounds ---------------------------------------------------------------------------
+
+class Logic(NamedTuple):
+    """The automaton on the labels of cells, in every epoch.
+
+    An epoch is a span of steps in which the same propositions with time windows hold; without time windows
+    there is one epoch.
+
+    ``epoch`` (S + 1,): the epoch of each step, the last one for all later steps. ``delta`` (E, Q, C + 1): the
+    next state; the last column is for no label (in an obstacle, off the map). ``distance`` (Q,): d_A, inf in
+    the trap state. ``ahead`` (E, Q): the same distance with only the labels of this epoch and of later ones.
+    ``covers[q, p]`` (Q, Q): whether q accepts all that p accepts (q >= p).
+
+    Labels that lead away from acceptance are also read between two steps: they take q to ``way`` (E, Q, C +
+    1), if the label of the step before does not change q. ``harm`` (E, Q, C + 1): whether the label is worse
+    in q than no label, or leads to the trap state. ``hazards``: the cells that are harmful in some state of
+    some epoch. ``loses`` (E, Q, C + 1): whether the label can take a state that covers q to one that does
+    not.
+    """
+
+    epoch: IntArray
+    delta: IntArray
+    way: IntArray
+    harm: BoolArray
+    loses: BoolArray
+    ahead: FloatArray
+    distance: FloatArray
+    covers: BoolArray
+    initial: int
+    hazards: Corners
 
 
 class Theorem2(NamedTuple):
-    """The paper's bound f_o.
+    """The bound f_o of Theorem 2 of the paper, Eq. (M36) of docs/mathematics.md.
 
     ``faces`` are the faces of the convex parts of the regions, ``atom`` is the proposition of each part,
     ``holds`` (E, C, P) whether a proposition holds in a cell in each epoch of ``logic``.
@@ -36,7 +62,7 @@ class Ordered(NamedTuple):
     """The ordered bound V: cells that have a label, all cells, the automaton.
 
     ``targets`` are the states to which an entry of V at q can lead, ``begin`` the states of the first entries
-    (:mod:`pareto_ltl.kernels.ordered_bound`); ``targets`` is empty for a large automaton. States with the
+    (:mod:`plane_logic.ordered_bound`); ``targets`` is empty for a large automaton. States with the
     same ``kind`` (Q,) are lost by the same labels.
     """
 
@@ -79,41 +105,3 @@ class Letters(NamedTuple):
 
 
 MissionBound: TypeAlias = Theorem2 | Ordered
-
-
-# --- collision bounds -------------------------------------------------------------------------
-
-
-class StepBound(NamedTuple):
-    """Eqs. (9) and (10): epsilon is divided equally among the m barriers (obstacles and walls).
-
-    ``z`` is the quantile of 1 - epsilon / m.
-    """
-
-    barriers: Faces
-    nearby: Nearby
-    z: float
-
-
-class PathBound(NamedTuple):
-    """R of whole paths, with limits for all barriers together: ``epsilon`` in a step, ``delta`` on a path."""
-
-    barriers: Faces
-    nearby: Nearby
-    epsilon: float
-    delta: float
-
-
-CollisionBound: TypeAlias = StepBound | PathBound
-
-
-class World(NamedTuple):
-    """The planning problem: its three models, whose types select the code.
-
-    Cells and automaton are fields of the mission bound only: kernels pass the world by value, and a second
-    copy of them made the growth of trees with ``fidelity=full`` twice as slow.
-    """
-
-    law: Law
-    mission: MissionBound
-    collision: CollisionBound

@@ -1,8 +1,7 @@
-"""Times, positions on Earth and true headings of a plan."""
+"""Times, positions on Earth and true headings of a course."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
@@ -11,15 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from pareto_ltl.extend import Frame
-from pareto_ltl.world.projection import local_plane
-from pareto_ltl.world.scene import Scene
+from flight_quantities.frames import Frame, local_plane
 
 PLANE = local_plane(37.0, -92.0)
 CONIC = "+proj=lcc +lat_0=38.5 +lon_0=-97.5 +lat_1=38.5 +lat_2=38.5 +R=6371229 +units=m +no_defs"
-MAP = Scene(
-    np.array([[-5e5, -5e5], [5e5, 5e5]]), np.zeros(2), {}, crs=PLANE, time_zero="2018-10-09T06:00:00Z"
-)
+MAP = Frame(PLANE, "2018-10-09T06:00:00Z")
 ANGLE = 1e-3  # [deg]
 
 
@@ -45,7 +40,7 @@ def test_a_heading_is_the_azimuth_of_a_point_ahead(lat, lon, course, speed, plan
 
 def test_a_step_without_airspeed_has_no_heading():
     u = np.array([[0.0, 10.0], [0.0, 0.0]])
-    found = MAP.frame.navigation(1800.0 * np.arange(3), np.zeros((3, 2)), u)
+    found = MAP.navigation(1800.0 * np.arange(3), np.zeros((3, 2)), u)
     assert found.heading_true[0] == pytest.approx(0.0, abs=1e-9)
     assert np.isnan(found.heading_true[1])
     assert found.airspeed.tolist() == [10.0, 0.0]
@@ -53,13 +48,13 @@ def test_a_step_without_airspeed_has_no_heading():
 
 def test_positions_return_to_the_plane():
     x = np.random.default_rng(1).uniform(-5e5, 5e5, (20, 2))
-    found = MAP.frame.navigation(1800.0 * np.arange(20), x, np.ones((19, 2)))
+    found = MAP.navigation(1800.0 * np.arange(20), x, np.ones((19, 2)))
     np.testing.assert_allclose(Frame(PLANE).to_plane(found.lon, found.lat), x, atol=1e-5)
     assert found.crs == PLANE
 
 
 def test_a_plane_without_place_on_earth_has_airspeeds_and_times_only():
-    found = replace(MAP, crs=None).frame.navigation(np.zeros(1), np.zeros((1, 2)), np.empty((0, 2)))
+    found = Frame(None, MAP.time_zero).navigation(np.zeros(1), np.zeros((1, 2)), np.empty((0, 2)))
     assert (found.crs, found.lat, found.lon, found.heading_true) == (None,) * 4
     assert found.time_utc == ("2018-10-09T06:00:00Z",)
     assert len(found.airspeed) == 0

@@ -1,8 +1,8 @@
-"""Two indexes of vertices whose cost stays bounded up to a million vertices.
+"""Two indexes of vertices in groups, whose cost stays bounded up to a million vertices.
 
-For the nearest vertex of a high-level state: one k-d tree per state, built by insertion; vertices come in
-random order, so that its depth is about 2 ln n. For candidate parents: for every square of a grid and
-automaton state, a uniform sample (reservoir) of the vertices there.
+For the nearest vertex of a group: one k-d tree per group, built by insertion; vertices come in random order,
+so that its depth is about 2 ln n. For some vertices near a point: for every square of a grid and state, a
+uniform sample (reservoir) of the vertices there.
 """
 
 from __future__ import annotations
@@ -11,16 +11,15 @@ from typing import NamedTuple
 
 from numpy.random import Generator
 
-from pareto_ltl.support.arrays import FloatArray, Int32Array, IntArray
-from plane_kernels.types import Point
+from plane_kernels.types import FloatArray, Int32Array, IntArray, Point
 from typed_kernels.jit import kernel
 
 
 class Bins(NamedTuple):
-    """Candidate parents: one bin for each pair of square and automaton state that has a vertex.
+    """Samples of vertices: one bin for each pair of square and state that has a vertex.
 
     ``head`` (squares,) is the first bin of a square, ``after`` (N,) the next bin of the same square, sorted
-    by automaton ``state`` (N,). 0 means none, so that the system allocates no pages for empty parts. ``seen``
+    by ``state`` (N,). 0 means none, so that the system allocates no pages for empty parts. ``seen``
     (N,) is the number of vertices of a bin, ``kept`` (N, capacity) a sample of them, ``used`` (1,) the number
     of bins in use; ``found`` (N,) is scratch.
     """
@@ -109,7 +108,7 @@ def remember(kept: Int32Array, seen: Int32Array, square: int, vertex: int, rng: 
 
 @kernel
 def bin_of(bins: Bins, square: int, state: int) -> int:
-    """The bin of a square and an automaton state; it is made if there is none."""
+    """The bin of a square and a state; it is made if there is none."""
     before, b = 0, bins.head[square]
     while b > 0 and bins.state[b] < state:
         before, b = b, bins.after[b]

@@ -22,8 +22,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from pareto_ltl.kernels import claim_lists, claim_rows
-from pareto_ltl.kernels.margin_events import (
+from plane_kernels.boxes import enclose, least_gaps, list_entered, list_met, place_end, segment_box
+from plane_kernels.clearance import CERTAIN, Event, segment_clearance
+from plane_kernels.types import FloatArray, Point
+from plane_logic import claim_lists, claim_rows
+from plane_logic.margin_events import (
     NOWHERE,
     SATURATED,
     MarginModel,
@@ -31,10 +34,6 @@ from pareto_ltl.kernels.margin_events import (
     mission_margins,
     numbered_event,
 )  # fmt: skip
-from pareto_ltl.support.arrays import FloatArray
-from plane_kernels.boxes import enclose, least_gaps, list_entered, list_met, place_end, segment_box
-from plane_kernels.clearance import CERTAIN, Event, segment_clearance
-from plane_kernels.types import Point
 from typed_kernels.jit import kernel, shared_entry
 
 FLAT = 3.0 * SATURATED  # widths: beyond, a smoothed failure has no slope

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from pareto_ltl.kernels.data import Logic
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from plane_kernels.clearance import CERTAIN, Event, segment_clearance
-from plane_kernels.types import Cells, Corners, Faces, Point
+from plane_kernels.types import BoolArray, Cells, Corners, Faces, FloatArray, IntArray, Point
+from plane_logic.types import Logic
 from typed_kernels.jit import by_type, inlined, kernel
 
 NOWHERE = -1  # number, and step, of "no event"

@@ -6,8 +6,8 @@ that surrounds the robot is the true airspeed (TAS):
 
     TAS = CAS √(ρ0 / ρ)
 
-This is the formula of the equivalent airspeed (EAS). Up to a Mach number M of 0.25, where the robots of this
-package fly, the calibrated airspeed exceeds it by less than 1 % (by M²/8).
+This is the formula of the equivalent airspeed (EAS). Up to a Mach number M of 0.25, where small aircraft
+fly, the calibrated airspeed exceeds it by less than 1 % (by M²/8).
 
 Source: ISO 2533:1975, the same as the U.S. Standard Atmosphere (1976) up to 32 km of geopotential height.
 """
@@ -17,8 +17,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
-if TYPE_CHECKING:  # settings do without NumPy, which takes long to import
-    from pareto_ltl.support.arrays import FloatArray
+if TYPE_CHECKING:  # NumPy takes long to import, and nothing here needs it
+    from flight_quantities.arrays import FloatArray
 
 Speed = TypeVar("Speed", float, "FloatArray")
 
@@ -81,7 +81,7 @@ LAYERS = _layers()
 
 
 class Air(NamedTuple):
-    """Static pressure [Pa] and temperature [K] of the air around a robot."""
+    """Static pressure [Pa] and temperature [K] of the air somewhere."""
 
     pressure: float
     temperature: float

@@ -1,4 +1,4 @@
-"""The high-level planner's shortest path over product states (automaton state, cell)."""
+"""Shortest paths over product states (automaton state, cell), weighted towards what is little explored."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.support.arrays import BoolArray, FloatArray, Int32Array, IntArray
+from plane_kernels.types import BoolArray, FloatArray, Int32Array, IntArray
 from typed_kernels.jit import allocating, inlined, kernel
 
 

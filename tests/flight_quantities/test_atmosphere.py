@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import doctest
 import math
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pareto_ltl.support.atmosphere import (
+from flight_quantities import atmosphere
+from flight_quantities.atmosphere import (
     HIGHEST,
     LOWEST,
     SEA_DENSITY,
@@ -91,3 +93,17 @@ def test_temperatures_of_any_unit_become_kelvin(unit: str, value: float, kelvin:
     scale = temperature_scale(unit)
     assert scale is not None
     assert scale[0] * value + scale[1] == pytest.approx(kelvin)
+
+
+def test_units_become_kelvin() -> None:
+    for unit, value in (("K", 273.15), ("degC", 0.0), ("deg C", 0.0), ("°F", 32.0)):
+        scale = temperature_scale(unit)
+        assert scale is not None
+        assert value * scale[0] + scale[1] == pytest.approx(273.15)
+    assert temperature_scale("") is None
+
+
+def test_the_examples_in_docstrings_are_true():
+    failed, tried = doctest.testmod(atmosphere)
+    assert failed == 0
+    assert tried > 0

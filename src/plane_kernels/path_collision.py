@@ -1,4 +1,7 @@
-"""The collision bound R of a path: the cheapest division of its steps into runs beside one face each."""
+"""The collision bound R of a path of Gaussians: the cheapest division of its steps into runs beside one face.
+
+R bounds the probability that a path whose positions are jointly normal meets one of many convex polygons.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pareto_ltl.kernels.collision_risk import leg_between, look_around_leg
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
+from plane_kernels.collision_risk import leg_between, look_around_leg
 from plane_kernels.gaussian import SQRT_HALF, tail
 from plane_kernels.geometry import SLACK
-from plane_kernels.types import Cov, Faces, Gaussian, Nearby, Point
+from plane_kernels.types import BoolArray, Cov, Faces, FloatArray, Gaussian, IntArray, Nearby, Point
 from typed_kernels.jit import allocating, inlined, kernel
 
 ALL_DEVIATIONS = 8.3  # standard deviations; farther obstacles have probability below 1e-16
@@ -56,8 +58,8 @@ def collision_bound(obstacles: Faces, nearby: Nearby, path: GaussianPath) -> flo
 
     Two runs share the position where the face changes, because both ends of every step must clear one face.
     The cheapest division into runs is found by dynamic programming over the steps. The form 2 Φ is valid
-    while Cov(e_s, e_t) >= Var e_s for s <= t along the normal of the face: always under the independent law
-    with A - K = I, otherwise as ``path.cross`` shows.
+    while Cov(e_s, e_t) >= Var e_s for s <= t along the normal of the face: always if
+    e_t is a sum of independent parts, one for each step before, otherwise as ``path.cross`` shows.
 
     The best division with sums only takes one pass along the path. Its cost limits the search for runs that
     the form 2 Φ makes cheaper, of which there are as many as pairs of steps. Obstacles that are far from all

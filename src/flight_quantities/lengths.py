@@ -10,9 +10,9 @@ import math
 import re
 from typing import Any, NamedTuple
 
+from careful_io.errors import DataError
 from careful_io.messages import shown_value
-from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.levels import FOOT
+from flight_quantities.levels import FOOT
 
 NAUTICAL_MILE = 1852.0  # [m]
 MAX_METRES = 1e7  # largest length or height

@@ -1,4 +1,4 @@
-"""The words for what a robot moves in: air with its wind, or water with its current."""
+"""The words for what a craft moves in: air with its wind, or water with its current."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ class Medium(NamedTuple):
     flow, flows : str
         The wind or current, one and several.
     speed : str
-        The speed of the robot relative to the medium.
+        The speed of the craft relative to the medium.
     moves, time : str
-        What the robot does, and the name of the time that it takes.
+        What the craft does, and the name of the time that it takes.
     matter, still : str
         The medium, and the medium without a flow.
     levels : str
@@ -49,5 +49,5 @@ MEDIA = {medium.matter: medium for medium in (AIR, WATER)}
 
 
 def medium_of(*levels: str | None) -> Medium:
-    """Water if one of the ``levels`` of a robot or a wind is a depth (``30m depth``), else air."""
+    """Water if one of the ``levels`` of a craft or a wind is a depth (``30m depth``), else air."""
     return WATER if any(level and level.endswith("depth") for level in levels) else AIR

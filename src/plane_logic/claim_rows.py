@@ -1,7 +1,7 @@
 """Mission margins of many flights at a time, vectorised over flights.
 
 Loops over rows are vectorised, while branches on single flights are mispredicted. Only segments with a hazard
-near are judged flight by flight, which :mod:`pareto_ltl.kernels.claim_lists` does for all, unless all hazards
+near are judged flight by flight, which :mod:`plane_logic.claim_lists` does for all, unless all hazards
 bar the way.
 """
 
@@ -9,9 +9,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pareto_ltl.kernels.claim_lists import Claims, cross_hazards
-from pareto_ltl.kernels.letters import epoch_at
-from pareto_ltl.kernels.margin_events import (
+from plane_kernels.boxes import least_gaps, place_end, segment_box
+from plane_kernels.clearance import CERTAIN, segment_clearance
+from plane_kernels.geometry import locate_cell
+from plane_kernels.types import BoolArray, FloatArray, IntArray, Point
+from plane_logic.claim_lists import Claims, cross_hazards
+from plane_logic.letters import epoch_at
+from plane_logic.margin_events import (
     NOWHERE,
     MarginModel,
     Near,
@@ -20,11 +24,6 @@ from pareto_ltl.kernels.margin_events import (
     letter_number,
     mission_margins,
 )  # fmt: skip
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from plane_kernels.boxes import least_gaps, place_end, segment_box
-from plane_kernels.clearance import CERTAIN, segment_clearance
-from plane_kernels.geometry import locate_cell
-from plane_kernels.types import Point
 from typed_kernels.jit import implements, kernel
 
 BLOCK = 256  # flights at a time: their rows fit into the L1 cache

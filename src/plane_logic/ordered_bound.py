@@ -6,20 +6,19 @@ with the sum over the hazards whose label loses q. V is monotone: V(p) ≤ V(p')
 entries (state, V), and V(p) is the smallest V of the entries with a state ≥ p, or 1 if there is none. A state
 needs no entry if a state ≥ it, lost by the same hazards, has an entry with a V that is not larger.
 
-With at most ``LIVE`` automaton states (:mod:`pareto_ltl.planning.pack_logic`), the entries represent V
-exactly. With more, only the states to which a letter leads are followed, and only the most promising entries
-are kept. Leaving out an entry removes one way to complete the mission, so the bound can become larger than V,
-but it remains an upper bound of the mission risk.
+With the ``targets`` of each state (:class:`~plane_logic.types.Ordered`), the entries represent V exactly.
+Without, only the states to which a letter leads are followed, and only the most promising entries are kept.
+Leaving out an entry removes one way to complete the mission, so the bound can become larger than V, but it
+remains an upper bound of the mission risk.
 """
 
 from __future__ import annotations
 
-from pareto_ltl.kernels.bounds import Letters, LiveRows, Ordered
-from pareto_ltl.kernels.letters import epoch_at, next_state
-from pareto_ltl.kernels.mission_risk import read_labels, read_place, read_way
-from pareto_ltl.support.arrays import FloatArray, Int32Array
 from plane_kernels.geometry import locate_cell
-from plane_kernels.types import Cov, Gaussian, Point
+from plane_kernels.types import Cov, FloatArray, Gaussian, Int32Array, Point
+from plane_logic.letters import epoch_at, next_state
+from plane_logic.mission_risk import read_labels, read_place, read_way
+from plane_logic.types import Letters, LiveRows, Ordered
 from typed_kernels.jit import allocating, inlined, kernel
 
 STEP_WORTH = 0.25  # weight of one transition to acceptance against V when entries are left out

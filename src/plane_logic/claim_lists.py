@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pareto_ltl.kernels.letters import epoch_at, meet_hazards, rests
-from pareto_ltl.kernels.margin_events import (
+from plane_kernels.clearance import CERTAIN, beyond_reach, segment_clearance
+from plane_kernels.geometry import locate_cell
+from plane_kernels.types import BoolArray, FloatArray, IntArray, Point
+from plane_logic.letters import epoch_at, meet_hazards, rests
+from plane_logic.margin_events import (
     NOWHERE,
     Guards,
     MarginModel,
@@ -16,10 +19,6 @@ from pareto_ltl.kernels.margin_events import (
     mission_margins,
     part_margin,
 )  # fmt: skip
-from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
-from plane_kernels.clearance import CERTAIN, beyond_reach, segment_clearance
-from plane_kernels.geometry import locate_cell
-from plane_kernels.types import Point
 from typed_kernels.jit import implements, inlined, kernel
 
 
