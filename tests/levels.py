@@ -33,7 +33,7 @@ SAMPLE_SHARE, SAMPLE_SECONDS = 0.1, 60.0  # of the tests of the night alone; no 
 Case = TypeVar("Case")
 
 # Modules of the fast level, and those among them that run kernels, start processes or compose for long.
-FAST = ["careful_io/*", "logic/*", "settings/*", "support/*", "world/*"]
+FAST = ["careful_io/*", "declared_settings/*", "logic/*", "settings/*", "support/*", "world/*"]
 NOT_FAST = [
     "careful_io/test_netcdf4",
     "settings/test_building",

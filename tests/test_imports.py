@@ -63,6 +63,7 @@ def circles(package: Path) -> list[list[str]]:
         "pareto_ltl_apps",
         "pareto_ltl_verify",
         "careful_io",
+        "declared_settings",
         "ltlf",
         "plane_kernels",
         "typed_kernels",

@@ -17,7 +17,9 @@ from typing import Any
 from careful_io.reading import refuse_special
 
 SOURCES = Path(__file__).resolve().parents[1]  # of the installed packages
-PACKAGES = ("careful_io", "ltlf", "pareto_ltl*", "plane_kernels", "typed_kernels")  # of one distribution
+PACKAGES = (  # of one distribution
+    "careful_io", "declared_settings", "ltlf", "pareto_ltl*", "plane_kernels", "typed_kernels",
+)  # fmt: skip
 FRESH = 2.0  # [s] a file that was changed less than this ago may change again without a new date
 
 

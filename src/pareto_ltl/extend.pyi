@@ -1,3 +1,8 @@
+from declared_settings import CheckedSettings as CheckedSettings
+from declared_settings import Declaration as Declaration
+from declared_settings import Setting as Setting
+from declared_settings import check_time as check_time
+from declared_settings import setting as setting
 from ltlf import Formula as Formula
 from ltlf import TransitionTable as TransitionTable
 from ltlf import letter_codes as letter_codes
@@ -53,11 +58,6 @@ from pareto_ltl.settings import PowerConfig as PowerConfig
 from pareto_ltl.settings import RobotConfig as RobotConfig
 from pareto_ltl.settings import SelectionConfig as SelectionConfig
 from pareto_ltl.settings import WindConfig as WindConfig
-from pareto_ltl.settings.checks import CheckedSettings as CheckedSettings
-from pareto_ltl.settings.checks import Declaration as Declaration
-from pareto_ltl.settings.checks import Setting as Setting
-from pareto_ltl.settings.checks import check_time as check_time
-from pareto_ltl.settings.checks import setting as setting
 from pareto_ltl.settings.heights import FlownAir as FlownAir
 from pareto_ltl.settings.heights import Height as Height
 from pareto_ltl.settings.wind import WindFormats as WindFormats

@@ -5,13 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[2] / "src"
-# What plans depend on.
-PACKAGES = ("careful_io", "ltlf", "plane_kernels", "pareto_ltl", "pareto_ltl_apps/formats")
+PACKAGES = (  # what plans depend on
+    "careful_io", "declared_settings", "ltlf", "plane_kernels", "pareto_ltl", "pareto_ltl_apps/formats",
+)  # fmt: skip
 MEASURED = ("pareto_ltl.run.compile_costs",)  # seconds that were measured, for the share that is done
 UNCOMPILED = ("pareto_ltl.kernels", "plane_kernels")  # judged by tests that run without compilation
 FOLDERS = (  # of tests, and modules beside them, which run compiled kernels
-    "careful_io", "logic", "planning", "run", "settings", "simulation", "support", "wind", "world", "kernels",
-    "exports", "inflight", "preflight", "report", "studies", "verify", "test_docs.py",
+    "careful_io", "declared_settings", "logic", "planning", "run", "settings", "simulation", "support",
+    "wind", "world", "kernels", "exports", "inflight", "preflight", "report", "studies", "verify",
+    "test_docs.py",
 )  # fmt: skip
 UNCOMPILED_FOLDERS = ("kernels",)
 UNCOMPILED_SETTINGS = {"NUMBA_DISABLE_JIT": "1", "PARETO_LTL_TESTS": "day"}  # others take hours as Python

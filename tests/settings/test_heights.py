@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pareto_ltl.settings import RobotConfig, SceneConfig, Settings, WindConfig
-from pareto_ltl.settings.building import section_of
 from pareto_ltl.settings.heights import (
     FlownAir,
     Height,
@@ -161,7 +160,7 @@ def test_there_is_no_air_in_the_water() -> None:
     "robot", ["fixed_wing", "light_aircraft", "long_endurance", "multirotor", "stratospheric"]
 )
 def test_every_aircraft_has_air(robot: str) -> None:
-    settings = Settings(robot=section_of("robot", robot))
+    settings = Settings(robot=Settings.of_section("robot", robot))
     air = flight_air(settings, flight_height(settings))
     assert air is not None
     assert 0.05 < air.density_ratio < 1.0

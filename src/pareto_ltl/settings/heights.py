@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol, runtime_checkable
 
 from pareto_ltl.support.atmosphere import (
     FREEZING,
@@ -113,6 +113,14 @@ class MeasuredAir(NamedTuple):
     pressure_level: str = "0m"
 
 
+@runtime_checkable
+class StatesHeight(Protocol):
+    """A section of settings, of any package, that can state the height of the flight."""
+
+    def stated_height(self) -> tuple[str, Level] | None:
+        """``key=value`` and the level, if the section states it."""
+
+
 def level_height(level: Level, stated: bool = True) -> Height:
     """The height of a ``level``; ConfigError for a pressure outside the standard atmosphere."""
     try:
@@ -156,7 +164,8 @@ def _stated(settings: Settings) -> list[tuple[str, Height]]:
         grounded = bool(stated) and not stated[0][1].above_sea
         kind = DEPTH if scene < 0.0 else HEIGHT if grounded else ALTITUDE
         stated.append((f"scene.altitude={scene:g}", level_height(Level(kind, abs(scene)))))
-    further = filter(None, (section.stated_height() for section in settings.sections()))
+    others = (section for section in settings.sections() if isinstance(section, StatesHeight))
+    further = filter(None, (section.stated_height() for section in others))
     return stated + [(words, level_height(level)) for words, level in further]
 
 

@@ -36,8 +36,8 @@ READ_AT_START = (
 )  # fmt: skip
 SOURCES = Path(__file__).resolve().parents[2]  # folder of the installed packages
 OURS = (
-    "careful_io", "ltlf", "pareto_ltl", "pareto_ltl_apps", "pareto_ltl_verify", "plane_kernels",
-    "typed_kernels", "hydra_plugins",
+    "careful_io", "declared_settings", "ltlf", "pareto_ltl", "pareto_ltl_apps", "pareto_ltl_verify",
+    "plane_kernels", "typed_kernels", "hydra_plugins",
 )  # fmt: skip
 NOT_WARM = {"warm", "warmup", "serve", "follow", "sweep", "verify", "rerun", "cache", "formula"}
 
