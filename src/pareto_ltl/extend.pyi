@@ -14,6 +14,7 @@ from pareto_ltl.logic.automaton import translate as translate
 from pareto_ltl.logic.automaton_formats import AutomatonFormats as AutomatonFormats
 from pareto_ltl.logic.formula import disputed_reading as disputed_reading
 from pareto_ltl.logic.formula import parse_formula as parse_formula
+from pareto_ltl.logic.patterns import formula_of as formula_of
 from pareto_ltl.planning.branching.records import Branch as Branch
 from pareto_ltl.planning.branching.records import Branching as Branching
 from pareto_ltl.planning.branching.records import plan_on_branch as plan_on_branch
@@ -38,6 +39,7 @@ from pareto_ltl.planning.records import Plan as Plan
 from pareto_ltl.planning.records import PlannedPath as PlannedPath
 from pareto_ltl.planning.records import Tree as Tree
 from pareto_ltl.planning.selection import accepted_rows as accepted_rows
+from pareto_ltl.planning.selection import hypervolume as hypervolume
 from pareto_ltl.planning.selection import non_dominated as non_dominated
 from pareto_ltl.planning.wind_lookup import LinearWind as LinearWind
 from pareto_ltl.planning.wind_lookup import LocalWind as LocalWind

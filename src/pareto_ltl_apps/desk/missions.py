@@ -8,12 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import pareto_ltl
 from careful_io.messages import shown_value
 from careful_io.reading import shown_json
-from pareto_ltl import Settings
 from pareto_ltl.support.errors import ConfigError, DataError, NotFoundError
 from pareto_ltl.support.resources import CONF
-from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl_apps.desk.allowed import parted, setting_words
 from pareto_ltl_apps.desk.folder import DeskFolder
 from pareto_ltl_apps.formats.opened_map import opened_features
@@ -90,8 +89,7 @@ def example_map(name: str) -> dict[str, Any]:
     """A ready map as GeoJSON with roles; NotFoundError if there is no such example."""
     if name not in EXAMPLES:
         raise NotFoundError(f"there is no example {shown_value(name)}; there are {', '.join(EXAMPLES)}")
-    cfg = Settings.of_section("scene", name)
-    scene = scene_from_settings(cfg)
+    scene = pareto_ltl.read_map(name)
     assert scene.crs is not None
     lon, lat = scene.frame.to_geographic(scene.start[None])
     features: list[dict[str, Any]] = [
