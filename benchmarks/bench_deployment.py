@@ -17,7 +17,7 @@ from pareto_ltl.extend import draw_flights
 from pareto_ltl.planning.evaluate import propagate_controls
 from pareto_ltl.planning.rates import WEIGHTED
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.settings.building import build_settings
+from pareto_ltl.settings import Settings
 from pareto_ltl.simulation import flights as deployment
 from pareto_ltl.simulation import importance
 from problems import MISSIONS, paper_problem
@@ -50,7 +50,7 @@ def test_flights_of_100_steps(benchmark, mission, runs, budget):
 def windy():
     """phi2 in the coherent winds of the sample, with the modes of full runs, and a tour of 50 steps."""
     given = {"pipelines": "plan", "scene": "phi2", "mission": {"formula": MISSIONS["phi2"]}}
-    settings = build_settings(given | {"fidelity": "full", "robot": {"dt": 1800.0}})
+    settings = Settings.of(given | {"fidelity": "full", "robot": {"dt": 1800.0}})
     problem = Run(settings).problem
     angle = np.linspace(0, 2 * np.pi, 50, endpoint=False)
     u = 12.0 * np.column_stack([np.cos(angle), np.sin(angle)])

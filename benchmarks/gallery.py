@@ -21,7 +21,7 @@ import pareto_ltl
 from careful_io.files import write_bytes, write_text
 from careful_io.yaml_files import read_yaml
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.support.resources import choice_file
+from pareto_ltl.support.resources import CONF
 from pareto_ltl_apps.view.figures import Drawing
 
 ROOT = Path(__file__).parents[1]
@@ -37,7 +37,7 @@ FIX = ("6h", (38.7, -96.1, 5000.0))  # when, and (latitude, longitude, standard 
 
 def timed_map() -> dict[str, Any]:
     """The map of phi1 with times: ``a`` only early, ``c`` only late, and a storm between ``a`` and ``b``."""
-    scene = read_yaml(choice_file("scene", "phi1"))
+    scene = read_yaml(CONF.file("scene", "phi1"))
     scene["regions"]["storm"] = [[3.2, 8.0], [4.0, 7.8], [4.3, 9.8], [3.3, 9.9]]
     scene["windows"] = {
         "a": {"until": "8h"},

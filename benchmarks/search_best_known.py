@@ -29,8 +29,7 @@ from pareto_ltl.planning.refine.sampled import Candidate, resampled_means
 from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts
 from pareto_ltl.planning.refine.sweep import new_sweep
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.settings import RefineConfig, preset
-from pareto_ltl.settings.building import build_settings
+from pareto_ltl.settings import RefineConfig, Settings, preset
 from pareto_ltl_apps.studies.forecast_test import mission_settings
 from pareto_ltl_apps.studies.random_missions import Spell
 from pareto_ltl_apps.studies.random_missions import mission as random_mission
@@ -63,9 +62,9 @@ def benchmark_run(name: str, border: str, seed: int) -> Run:
     number = name.removeprefix("random")
     if number == name:
         choices: dict[str, Any] = {"scene": name, "mission": name, "robot": {"dt": 1800.0}}
-        settings = build_settings({"pipelines": "plan", "seed": seed} | choices)
+        settings = Settings.of({"pipelines": "plan", "seed": seed} | choices)
         return Run(replace(settings, scene=replace(settings.scene, border=border)))
-    settings = build_settings({"pipelines": "plan", "seed": seed})
+    settings = Settings.of({"pipelines": "plan", "seed": seed})
     times = Run(settings).readings.times
     spell = Spell(0, len(times) - 1, float(times[0]), float(times[-1]))
     task = random_mission(HindcastConfig(), RANDOM_SEED, int(number), [spell], border)

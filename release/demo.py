@@ -9,7 +9,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-from pareto_ltl.support.extras import install_words
+from declared_settings import install_command
 
 MISSION = "phi1"
 OUTPUTS = Path("outputs") / MISSION
@@ -46,7 +46,7 @@ def results_of(pid: int) -> Path | None:
 def next_steps(folder: Path) -> tuple[str, str]:
     """Two lines: the result as a page; the desk, and the tour in Python."""
     bin = os.path.relpath(Path(sys.executable).parent)
-    notebook = f"{install_words('notebook')} && {bin}/jupyter notebook examples/tour.ipynb"
+    notebook = f"{install_command('notebook')} && {bin}/jupyter notebook examples/tour.ipynb"
     return (
         f"look at it: {bin}/pareto-ltl show {folder}",
         f"go on: make desk (draw and plan in a browser), or a tour in Python: {notebook}",

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import pareto_ltl
+from declared_settings import field_kinds
 from pareto_ltl.planning.costs import COSTS, cost_named
 from pareto_ltl.planning.plan_files import FRONT_HEADER, TABLE_HEADER
 from pareto_ltl.settings import Settings
-from pareto_ltl.settings.checks import field_kinds
 from pareto_ltl.support.schemas import SCHEMA_NAMES, schema_text
 from pareto_ltl_apps.cli.command_table import COMMANDS
 from pareto_ltl_apps.exports.kinds import FORMATS

@@ -34,7 +34,8 @@ Case = TypeVar("Case")
 
 # Modules of the fast level, and those among them that run kernels, start processes or compose for long.
 FAST = [
-    "careful_io/*", "flight_quantities/*", "logic/*", "settings/*", "support/*", "wind_laws/*", "world/*"
+    "careful_io/*", "declared_settings/*", "flight_quantities/*", "logic/*", "settings/*", "support/*",
+    "wind_laws/*", "world/*",
 ]  # fmt: skip
 NOT_FAST = [
     "careful_io/test_netcdf4",

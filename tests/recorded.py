@@ -28,7 +28,7 @@ import golden
 import pareto_ltl
 from careful_io.yaml_files import read_yaml
 from honest_results import forecasts, light_law
-from pareto_ltl.support.resources import choice_file
+from pareto_ltl.support.resources import CONF
 from small_plans import BEACONS, COMMON, PHI1, phi1
 from wind_files import ensemble
 
@@ -41,7 +41,7 @@ JUDGED = {"refine": REFINED | {"flights": 60, "sweep_flights": 30}}
 WING = {"kind": "wing", "base": 50.0, "drag": 0.02, "lift": 1000.0, "capacity": 50_000.0}
 TABLE = {"kind": "table", "points": [[0, 450], [5, 400], [15, 300], [30, 900]]}
 ROTOR = {"kind": "rotor", "base": 50.0, "blade": 100.0, "lifting": 200.0, "drag": 0.01}
-PHI2 = read_yaml(choice_file("mission", "phi2"))["formula"]
+PHI2 = read_yaml(CONF.file("mission", "phi2"))["formula"]
 LONG = ("branches",)
 REPLANNED = {"forecast": 4, "errors": 3}  # at which step
 Mission = tuple[str | dict[str, Any], str | dict[str, Any], dict[str, Any]]

@@ -17,7 +17,7 @@ import numpy as np
 import pareto_ltl
 from careful_io.yaml_files import read_yaml
 from pareto_ltl.support.arrays import FloatArray
-from pareto_ltl.support.resources import choice_file
+from pareto_ltl.support.resources import CONF
 from quick_wind import QUICK_WIND
 
 REFINED = {"flights": 20, "sweep_flights": 10, "classes": 1, "points": 2}
@@ -38,7 +38,7 @@ PHI1 = "F(a & F b & F c)"
 
 def phi1(**changes: Any) -> dict[str, Any]:
     """The keys of the packaged map phi1, with changes."""
-    return read_yaml(choice_file("scene", "phi1")) | changes
+    return read_yaml(CONF.file("scene", "phi1")) | changes
 
 
 MISSIONS: dict[str, tuple[str | dict[str, Any], str, dict[str, Any]]] = {

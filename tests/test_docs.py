@@ -23,8 +23,9 @@ import pytest
 from playwright.sync_api import sync_playwright
 
 import pareto_ltl
+from declared_settings import declarations
 from documents import DOCUMENTS, ROOT
-from pareto_ltl.settings import Settings, declarations
+from pareto_ltl.settings import Settings
 from pareto_ltl.support.resources import PACKAGE
 from pareto_ltl.support.schemas import SCHEMA_NAMES, schema_text
 

@@ -64,6 +64,7 @@ def circles(package: Path) -> list[list[str]]:
         "pareto_ltl_verify",
         "careful_io",
         "flight_quantities",
+        "declared_settings",
         "ltlf",
         "plane_kernels",
         "plane_logic",

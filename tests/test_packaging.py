@@ -45,7 +45,7 @@ def test_a_wheel_finds_the_folders_inside_the_package(
     monkeypatch.setattr(resources, "PACKAGE", package)
     assert resources.checkout() is None
     assert resources.resource_folder("conf") == package / "conf"
-    assert resources.choices("wind") == ["calm"]
+    assert resources.CONF.names("wind") == ["calm"]
 
 
 def test_the_wheel_carries_configuration_and_pipelines() -> None:

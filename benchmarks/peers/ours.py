@@ -17,7 +17,6 @@ from pareto_ltl.planning.growth import GrowthOptions
 from pareto_ltl.planning.records import Forest
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import PlannerConfig, Settings
-from pareto_ltl.settings.building import build_settings
 
 UNIT = 1e5  # peers get coordinates in units of 100 km [m]
 ORDERS = {"phi1": (("a", "b", "c"), ("a", "c", "b")), "phi2": (("a", "b", "c"), ("a", "d", "c"))}
@@ -33,7 +32,7 @@ class Mission:
 
     @classmethod
     def named(cls, name: str) -> Mission:
-        settings = build_settings(
+        settings = Settings.of(
             {"pipelines": "plan", "scene": name, "mission": name, "wind": "calm", "fidelity": "paper"}
             | {"robot": {"dt": 1800.0}, "planner": {"threads": 1}}
         )

@@ -20,7 +20,7 @@ from numpy.random import SeedSequence
 from pareto_ltl import Run, Scene, WindField
 from pareto_ltl.extend import Frame
 from pareto_ltl.run.plan_run import UnpricedRun
-from pareto_ltl.settings.building import build_settings
+from pareto_ltl.settings import Settings
 from pareto_ltl.simulation.flights import simulate_flights
 from pareto_ltl.support.arrays import FloatArray, rotate_vectors
 from published.dataset import Mission
@@ -73,7 +73,7 @@ def plan(mission: Mission, planner: str, data: Path) -> Planned:
 
 def run_of(mission: Mission, data: Path, wind: Any, given: Mapping[str, Any] | None = None) -> Run:
     """The planner on the map of a mission."""
-    settings = build_settings(
+    settings = Settings.of(
         SETTINGS
         | {
             "scene": {"file": str(data / mission.map), "border": "open"},

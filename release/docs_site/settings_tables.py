@@ -14,8 +14,8 @@ from functools import cache
 from html import escape
 from typing import Any
 
+from declared_settings import Declaration, declarations, field_kinds, kind_text
 from pareto_ltl.settings import Settings
-from pareto_ltl.settings.checks import Declaration, declarations, field_kinds, kind_text
 
 PLACE = "settings.html"
 WITHOUT_LINKS = (PLACE, "CHANGELOG.html", "schemas.html")  # old names; keys of files that are named alike

@@ -19,7 +19,7 @@ from careful_io.reading import refuse_special
 SOURCES = Path(__file__).resolve().parents[1]  # of the installed packages
 PACKAGES = (  # of one distribution
     "careful_io", "flight_quantities", "ltlf", "pareto_ltl*", "plane_kernels", "plane_logic",
-    "typed_kernels", "wind_laws",
+    "typed_kernels", "wind_laws", "declared_settings",
 )  # fmt: skip
 FRESH = 2.0  # [s] a file that was changed less than this ago may change again without a new date
 

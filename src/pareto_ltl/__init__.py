@@ -47,9 +47,9 @@ def __getattr__(name: str) -> Any:
     if module.partition(".")[0] == __name__:
         return getattr(import_module(module), name)
     # of an application, or of the checker: the planner imports neither
-    from pareto_ltl.support.extensions import INTERFACE_GROUP, installed_object
+    from pareto_ltl.support.extensions import INTERFACE
 
-    return installed_object(INTERFACE_GROUP, name)
+    return INTERFACE.required(name)
 
 
 def __dir__() -> list[str]:

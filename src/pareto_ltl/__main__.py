@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from pareto_ltl.support.extensions import COMMAND_GROUP, installed_object
+from pareto_ltl.support.extensions import COMMANDS
 
 
 def main() -> None:
     """Run the command line and leave with its exit code."""
-    installed_object(COMMAND_GROUP, "pareto-ltl")()
+    COMMANDS.required("pareto-ltl")()
 
 
 if __name__ == "__main__":

@@ -1,3 +1,8 @@
+from declared_settings import CheckedSettings as CheckedSettings
+from declared_settings import Declaration as Declaration
+from declared_settings import Setting as Setting
+from declared_settings import check_time as check_time
+from declared_settings import setting as setting
 from flight_quantities.heights import FlownAir as FlownAir
 from flight_quantities.heights import Height as Height
 from ltlf import Formula as Formula
@@ -13,6 +18,7 @@ from pareto_ltl.logic.automaton import translate as translate
 from pareto_ltl.logic.automaton_formats import AutomatonFormats as AutomatonFormats
 from pareto_ltl.logic.formula import disputed_reading as disputed_reading
 from pareto_ltl.logic.formula import parse_formula as parse_formula
+from pareto_ltl.logic.patterns import formula_of as formula_of
 from pareto_ltl.planning.branching.cells import Cell as Cell
 from pareto_ltl.planning.branching.records import Branch as Branch
 from pareto_ltl.planning.branching.records import BranchFix as BranchFix
@@ -42,6 +48,7 @@ from pareto_ltl.planning.records import Plan as Plan
 from pareto_ltl.planning.records import PlannedPath as PlannedPath
 from pareto_ltl.planning.records import Tree as Tree
 from pareto_ltl.planning.selection import accepted_rows as accepted_rows
+from pareto_ltl.planning.selection import hypervolume as hypervolume
 from pareto_ltl.planning.selection import non_dominated as non_dominated
 from pareto_ltl.planning.wind_lookup import LinearWind as LinearWind
 from pareto_ltl.planning.wind_lookup import LocalWind as LocalWind
@@ -64,11 +71,6 @@ from pareto_ltl.settings import PowerConfig as PowerConfig
 from pareto_ltl.settings import RobotConfig as RobotConfig
 from pareto_ltl.settings import SelectionConfig as SelectionConfig
 from pareto_ltl.settings import WindConfig as WindConfig
-from pareto_ltl.settings.checks import CheckedSettings as CheckedSettings
-from pareto_ltl.settings.checks import Declaration as Declaration
-from pareto_ltl.settings.checks import Setting as Setting
-from pareto_ltl.settings.checks import check_time as check_time
-from pareto_ltl.settings.checks import setting as setting
 from pareto_ltl.settings.wind import WindFormats as WindFormats
 from pareto_ltl.settings.wind import WindSource as WindSource
 from pareto_ltl.settings.wind import wind_sources as wind_sources

@@ -16,7 +16,7 @@ from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from pareto_ltl.run.pipeline import Pipeline
 from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.resources import choices, resource_folder
+from pareto_ltl.support.resources import CONF, resource_folder
 from pareto_ltl_apps.cli import composition, output
 from pareto_ltl_apps.cli.command_table import COMMANDS, PIPELINE_COMMANDS
 from pareto_ltl_apps.cli.commands import run_command_line
@@ -45,13 +45,13 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> list[Settings]:
 
 
 def test_every_pipeline_that_ships_has_a_command() -> None:
-    assert sorted(command.name for command in PIPELINE_COMMANDS) == choices("pipelines")
+    assert sorted(command.name for command in PIPELINE_COMMANDS) == CONF.names("pipelines")
     names = [command.name for command in COMMANDS]
     assert len(set(names)) == len(names)
     assert all(command.meaning and "\n" not in command.meaning for command in COMMANDS)
 
 
-@pytest.mark.parametrize("name", choices("pipelines"))
+@pytest.mark.parametrize("name", CONF.names("pipelines"))
 def test_a_pipeline_command_is_the_hydra_form_with_its_pipeline(
     name: str, here: Path, ran: list[Settings]
 ) -> None:

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from pareto_ltl.settings import Settings, declarations
-from pareto_ltl.support.resources import choices, resource_folder
+from declared_settings import declarations
+from pareto_ltl.settings import Settings
+from pareto_ltl.support.resources import CONF, resource_folder
 from pareto_ltl_apps.cli.command_table import COMMANDS, PIPELINE_COMMANDS, Command, PipelineCommand
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.cli.help_text import COMMON_SETTINGS, group_choices
@@ -54,7 +55,7 @@ def test_the_short_help_fits_two_screens_and_names_every_command(
         assert f"\n  {command.name:<14}{command.meaning}\n" in text
     for key in COMMON_SETTINGS:
         assert f"\n  {key}=" in text
-    assert all(name in text for name in choices("experiment"))
+    assert all(name in text for name in CONF.names("experiment"))
     for hint in ("pareto-ltl COMMAND --help", "--help=all", 'eval "$(pareto-ltl -sc install=bash)"'):
         assert hint in text
     assert shown(capsys, "-h") == text
@@ -67,7 +68,7 @@ def test_the_complete_help_names_every_choice_and_every_setting(
 ) -> None:
     text = shown(capsys, flag)
     for group in (*SECTIONS, "experiment", "pipelines", "hydra/launcher"):
-        assert f"\n  {group}: {', '.join(choices(group))}\n" in text
+        assert f"\n  {group}: {', '.join(CONF.names(group))}\n" in text
     assert "\n  seed=0 " in text
     flat = " ".join(text.split())
     for section in (Settings(), *vars(Settings()).values(), Settings().scene.random, Settings().robot.power):

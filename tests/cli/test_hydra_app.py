@@ -24,9 +24,8 @@ from pareto_ltl.run import pipeline
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.record import Record
 from pareto_ltl.settings import Settings
-from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
-from pareto_ltl.support.resources import choices
+from pareto_ltl.support.resources import CONF
 from pareto_ltl_apps.cli import composition
 from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl_apps.cli.output import output_of
@@ -240,19 +239,19 @@ def test_files_differ_by_more_than_case_where_regions_do_not(here: Path) -> None
 def test_without_a_map_the_ready_missions_are_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert app.run_hydra([]) == 2
     err = capsys.readouterr().err
-    assert all(name in err for name in choices("experiment"))
+    assert all(name in err for name in CONF.names("experiment"))
 
 
-@pytest.mark.parametrize("experiment", choices("experiment"))
+@pytest.mark.parametrize("experiment", CONF.names("experiment"))
 def test_every_experiment_composes(experiment: str) -> None:
     assert validated(f"+experiment={experiment}").scene.regions
 
 
 def choices_together() -> Iterator[tuple[str, ...]]:
     """Every choice of every section, of several sections at once: a composition takes half a second."""
-    alone = [f"{section}={name}" for section in ("scene", "mission", "robot") for name in choices(section)]
+    alone = [f"{section}={name}" for section in ("scene", "mission", "robot") for name in CONF.names(section)]
     yield from ((choice,) for choice in alone)
-    others = [[f"{section}={name}" for name in choices(section)] for section in SECTIONS[3:]]
+    others = [[f"{section}={name}" for name in CONF.names(section)] for section in SECTIONS[3:]]
     for row in zip_longest(*others):
         yield tuple(choice for choice in row if choice)
 
@@ -283,7 +282,7 @@ def test_an_experiment_changes_only_what_it_names() -> None:
 def test_the_shipped_configuration_is_the_default_of_the_schema_with_errors_of_the_robot() -> None:
     settings = composed()
     settings.pipelines.stages = []
-    assert settings == replace(Settings(), robot=section_of("robot", "airframe"))
+    assert settings == replace(Settings(), robot=Settings.of_section("robot", "airframe"))
     exact = dict.fromkeys(("airspeed_sd", "heading_sd", "clock_sd"))
     assert replace(settings.robot, **exact) == Settings().robot
 

@@ -33,8 +33,7 @@ from flight_quantities.heights import Height, level_height
 from flight_quantities.levels import parse_level
 from pareto_ltl.extend import Frame
 from pareto_ltl.planning.power import energy_model
-from pareto_ltl.settings import RobotConfig
-from pareto_ltl.settings.building import section_of
+from pareto_ltl.settings import RobotConfig, Settings
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl_apps.exports.exported import vehicle_of
 from pareto_ltl_apps.exports.kinds import FORMATS
@@ -245,7 +244,7 @@ def test_the_mission_names_the_vehicle_and_takes_off_and_hovers_with_rotors(
     flown: Flown, robot: str | None, height: Height, vehicle: int, first: int, last: int
 ) -> None:
     """The landing is left to the pilot: the plan may end over water."""
-    cfg = RobotConfig() if robot is None else section_of("robot", robot)
+    cfg = RobotConfig() if robot is None else Settings.of_section("robot", robot)
     problem: Any = SimpleNamespace(
         energy=energy_model(cfg.power), motion=flown.problem.motion._replace(u_min=cfg.u_min)
     )

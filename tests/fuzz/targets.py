@@ -85,13 +85,11 @@ def scenes(place: Path) -> Fuzz:
 
 
 def settings_files(place: Path) -> Fuzz:
-    from pareto_ltl.settings.building import read_settings_file
+    from pareto_ltl.settings import Settings
 
     whole = corpora.settings()
     trees = [{key: whole[key]} for key in whole] + [{"seed": 1, "scene": whole["scene"], "name": "x"}]
-    return Fuzz(
-        tree_mutants(trees, yaml_bytes), from_file(place / "config_resolved.yaml", read_settings_file)
-    )
+    return Fuzz(tree_mutants(trees, yaml_bytes), from_file(place / "config_resolved.yaml", Settings.of_file))
 
 
 def _compose(words: Sequence[str]) -> object:

@@ -5,17 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[2] / "src"
-# What plans depend on.
-PACKAGES = (
+PACKAGES = (  # what plans depend on
     "careful_io", "flight_quantities", "ltlf", "plane_kernels", "plane_logic", "pareto_ltl",
-    "pareto_ltl_apps/formats", "wind_laws",
+    "pareto_ltl_apps/formats", "wind_laws", "declared_settings",
 )  # fmt: skip
 MEASURED = ("pareto_ltl.run.compile_costs",)  # seconds that were measured, for the share that is done
 UNCOMPILED = ("pareto_ltl.kernels", "plane_kernels", "plane_logic")  # their tests run without compilation
 FOLDERS = (  # of tests, and modules beside them, which run compiled kernels
     "careful_io", "flight_quantities", "logic", "planning", "run", "settings", "simulation", "support",
     "wind", "world", "kernels", "exports", "inflight", "preflight", "report", "studies", "verify",
-    "test_docs.py", "wind_laws",
+    "test_docs.py", "wind_laws", "declared_settings",
 )  # fmt: skip
 UNCOMPILED_FOLDERS = ("kernels",)
 UNCOMPILED_SETTINGS = {"NUMBA_DISABLE_JIT": "1", "PARETO_LTL_TESTS": "day"}  # others take hours as Python

@@ -28,10 +28,10 @@ from pareto_ltl.settings import (
     PlannerConfig,
     RobotConfig,
     SceneConfig,
+    Settings,
     SmoothingConfig,
     preset,
 )
-from pareto_ltl.settings.building import build_settings
 from pareto_ltl.simulation.records import read_deployments, write_deployments
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
@@ -69,7 +69,7 @@ def task(scene: Scene, fidelity: str | FidelityConfig = "full", **limits: float)
 def test_the_border_is_that_of_the_scene_or_of_the_fidelity(
     border: str, fidelity: str, expected: str
 ) -> None:
-    assert build_settings({"scene": {"border": border}, "fidelity": fidelity}).border == expected
+    assert Settings.of({"scene": {"border": border}, "fidelity": fidelity}).border == expected
 
 
 @pytest.mark.parametrize("border", ["open", "wall"])

@@ -17,8 +17,7 @@ from careful_io.times import HOUR
 from map_files import DRAWN, collection, written
 from pareto_ltl.planning import open_sky
 from pareto_ltl.planning.open_sky import sky_room
-from pareto_ltl.settings import RobotConfig, SceneConfig, WindConfig
-from pareto_ltl.settings.building import build_settings
+from pareto_ltl.settings import RobotConfig, SceneConfig, Settings, WindConfig
 from pareto_ltl.wind.displacement import SPACE_SHARE, displacement_variance
 from pareto_ltl.wind.named_laws import law_named
 from pareto_ltl.wind.readings import CALM, Readings
@@ -48,7 +47,7 @@ def readings(
 
 
 def room(found: Readings = CALM, wind: Any = "calm", planner: Any = None, **robot: Any) -> SkyRoom:
-    settings = build_settings({"wind": wind, "robot": EXACT | robot, "planner": planner or {}})
+    settings = Settings.of({"wind": wind, "robot": EXACT | robot, "planner": planner or {}})
     return sky_room(settings, found, None)(TOUR)
 
 
@@ -166,7 +165,7 @@ def test_the_energy_lasts_longest_at_the_airspeed_of_least_power(monkeypatch: py
         )
         monkeypatch.setattr(open_sky, "energy_model", lambda power: model)
         monkeypatch.setattr(open_sky, "known_for", lambda *_: 7000.0)
-        settings = build_settings({"wind": "calm", "robot": EXACT | robot, "planner": {"max_steps": 90}})
+        settings = Settings.of({"wind": "calm", "robot": EXACT | robot, "planner": {"max_steps": 90}})
         return {one.reason: one.seconds for one in open_sky._limits(settings, CALM, None, TOUR)}  # noqa: SLF001
 
     found = limits(1e6, u_min=5.0, dt=60.0)

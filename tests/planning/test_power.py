@@ -19,15 +19,14 @@ from pareto_ltl.planning.records import Front, Objectives, PlannedPath
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.selection_rules import choose_path, within_capacity
 from pareto_ltl.planning.shortest_mission import capacity_advice, energy_at
-from pareto_ltl.settings import PlannerConfig, PowerConfig, RobotConfig, SelectionConfig
-from pareto_ltl.settings.building import section_of
+from pareto_ltl.settings import PlannerConfig, PowerConfig, RobotConfig, SelectionConfig, Settings
 from pareto_ltl.settings.mission import POWER_KINDS
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
-from pareto_ltl.support.resources import choices
+from pareto_ltl.support.resources import CONF
 from pareto_ltl_verify.robot import power_law
 from problems import box, make_problem, make_scene, steady_wind
 
-VEHICLES = sorted(set(choices("robot")) - {"airframe"})
+VEHICLES = sorted(set(CONF.names("robot")) - {"airframe"})
 TABLE = [[0.0, 80.0], [10.0, 50.0], [25.0, 200.0]]
 watts = st.floats(0.0, 1e4)
 some = settings(deadline=None, max_examples=80)
@@ -69,7 +68,7 @@ def test_energy_is_the_sum_of_power_times_time(cfg: PowerConfig, u: np.ndarray, 
 
 def test_a_rotor_that_hovers_draws_profile_and_induced_power() -> None:
     """The airspeeds of least power and of least power per metre agree with Zeng, Xu and Zhang, Fig. 3."""
-    robot: RobotConfig = section_of("robot", "multirotor")
+    robot: RobotConfig = Settings.of_section("robot", "multirotor")
     curve = model_of(replace(robot.power, base=0.0)).curve
     assert curve.watts(np.zeros(1))[0] == pytest.approx(79.86 + 88.63)
     v = np.linspace(0.1, 40.0, 4000)
@@ -88,12 +87,12 @@ def test_a_wing_needs_the_least_power_where_the_drag_of_lift_is_three_times_the_
 def test_a_robot_without_a_power_curve_has_no_energy() -> None:
     assert energy_model(PowerConfig()) is None
     assert power_law(asdict(PowerConfig())) is None
-    assert RobotConfig().power.kind == section_of("robot", "airframe").power.kind == "none"
+    assert RobotConfig().power.kind == Settings.of_section("robot", "airframe").power.kind == "none"
 
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_a_ready_vehicle_has_airspeeds_a_level_and_energy_for_an_hour(name: str) -> None:
-    robot: RobotConfig = section_of("robot", name)
+    robot: RobotConfig = Settings.of_section("robot", name)
     model = model_of(robot.power)
     assert robot.level
     assert model.capacity is not None
@@ -126,7 +125,7 @@ def test_what_no_robot_can_be_is_refused(
     power: dict[str, object], robot: dict[str, object], text: str
 ) -> None:
     with pytest.raises(ConfigError, match=text):
-        section_of("robot", robot | {"power": power})
+        Settings.of_section("robot", robot | {"power": power})
 
 
 # --- choices --------------------------------------------------------------------------------------
@@ -240,7 +239,7 @@ def flown_line(robot: RobotConfig, kilometres: float) -> tuple[Problem, Front]:
 def test_a_vehicle_that_can_is_named_with_its_energy(
     name: str, kilometres: float, advised: str | None
 ) -> None:
-    problem, front = flown_line(section_of("robot", name), kilometres)
+    problem, front = flown_line(Settings.of_section("robot", name), kilometres)
     with pytest.raises(InfeasibleError) as error:
         within_capacity(SelectionConfig(), front, problem)
     text = str(error.value)
@@ -249,7 +248,7 @@ def test_a_vehicle_that_can_is_named_with_its_energy(
         assert "robot=" not in text
         return
     assert "set robot.u_max" not in text
-    robot: RobotConfig = section_of("robot", advised)
+    robot: RobotConfig = Settings.of_section("robot", advised)
     model = model_of(robot.power)
     # Energy a metre times the distance.
     needed = (
@@ -263,7 +262,7 @@ def test_a_vehicle_that_can_is_named_with_its_energy(
 
 
 def test_a_smaller_airspeed_is_advised_only_where_it_suffices() -> None:
-    robot: RobotConfig = section_of("robot", "long_endurance")
+    robot: RobotConfig = Settings.of_section("robot", "long_endurance")
     problem, front = flown_line(robot, 1000.0)
     assert problem.energy is not None
     at_full = energy_at(problem, front.paths[0].x, problem.energy, robot.u_max)

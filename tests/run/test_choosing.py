@@ -16,10 +16,11 @@ from hypothesis import strategies as st
 
 import pareto_ltl
 from careful_io.files import write_json
+from declared_settings import extensions
 from pareto_ltl.run.choosing import Choice, chosen_run
 from pareto_ltl.settings import SelectionConfig
-from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
+from pareto_ltl.support.extensions import SELECTION_RULES
 from pareto_ltl_apps.cli.arguments import read_length, read_number, read_share
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_verify.judge import verify
@@ -297,7 +298,7 @@ def test_folders_are_named_after_the_choice() -> None:
 def test_a_choice_changes_its_own_settings_and_keeps_options_for_the_same_rule_alone(
     choice: Choice, changes: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rule = EntryPoint("of_others", "others:rule", extensions.SELECTION_RULE_GROUP)
+    rule = EntryPoint("of_others", "others:rule", SELECTION_RULES.name)
     plain = extensions.installed_entries
     added = {rule.group: {rule.name: rule}}
     monkeypatch.setattr(extensions, "installed_entries", lambda group: plain(group) | added.get(group, {}))

@@ -16,7 +16,7 @@ from pareto_ltl.extend import Pipeline
 from pareto_ltl.run.directory import BOOKKEEPING, RUN_LOCK, claimed_directory
 from pareto_ltl.run.pipeline import files_of, known_stages
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.settings.building import build_settings
+from pareto_ltl.settings import Settings
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl_apps.exports.kinds import BRANCH_FILES, FORMATS
 from quick_plan import QUICK_SEARCH
@@ -115,7 +115,7 @@ def test_files_of_every_stage_are_cleared_also_of_studies_that_do_not_run(tmp_pa
         path.parent.mkdir(exist_ok=True)
         path.touch()
     (tmp_path / "sitl.txt").touch()
-    settings = build_settings({"pipelines": "plan", "scene": MAP, "mission": {"formula": "F a"}} | QUICK)
+    settings = Settings.of({"pipelines": "plan", "scene": MAP, "mission": {"formula": "F a"}} | QUICK)
     with Pipeline.of(settings).claimed(tmp_path):
         left = {path.name for path in tmp_path.rglob("*") if path.is_file()}
     assert left == {"sitl.txt", RUN_LOCK}
@@ -123,7 +123,7 @@ def test_files_of_every_stage_are_cleared_also_of_studies_that_do_not_run(tmp_pa
 
 
 def test_a_run_writes_what_its_stages_declare_and_nothing_else(tmp_path: Path) -> None:
-    settings = build_settings(
+    settings = Settings.of(
         {
             "pipelines": "plan",
             "scene": MAP | {"centre": [37.0, -92.0]},

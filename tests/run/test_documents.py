@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.support.resources import choices
+from pareto_ltl.support.resources import CONF
 from pareto_ltl.support.schemas import SCHEMA_NAMES, read_document
 from pareto_ltl_apps.cli.commands import run_command_line
 
@@ -15,7 +15,7 @@ SMALL = ("planner.trees=2", "planner.n_max=800", "deployment.runs=20", "report=n
 COMPILED_ALONE = {"phi1_feedback", "phi1_landmarks"}  # kernels that no other test needs: half a minute each
 
 
-@pytest.mark.parametrize("experiment", sorted(set(choices("experiment")) - COMPILED_ALONE))
+@pytest.mark.parametrize("experiment", sorted(set(CONF.names("experiment")) - COMPILED_ALONE))
 def test_the_files_of_an_experiment_fit_their_schemas(experiment: str, tmp_path: Path) -> None:
     place = tmp_path / "run"
     assert run_command_line([f"+experiment={experiment}", *SMALL, f"hydra.run.dir={place}"]) == 0

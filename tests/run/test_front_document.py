@@ -12,7 +12,7 @@ import pytest
 from pareto_ltl.planning.costs import COSTS
 from pareto_ltl.planning.plan_files import FRONT_HEADER
 from pareto_ltl.settings.planner import SELECTION_RULES
-from pareto_ltl.support.resources import choices
+from pareto_ltl.support.resources import CONF
 from pareto_ltl_apps.cli.arguments import read_length, read_number, read_share
 
 TEXT = (Path(__file__).parents[2] / "docs" / "front.md").read_text(encoding="utf-8")
@@ -34,7 +34,7 @@ def test_the_columns_are_those_of_the_file() -> None:
 
 def test_the_rules_are_those_of_the_settings_and_each_has_a_file() -> None:
     assert first_cells("| `selection.rule` |") == list(SELECTION_RULES)
-    assert sorted(SELECTION_RULES) == choices("selection")
+    assert sorted(SELECTION_RULES) == CONF.names("selection")
 
 
 @pytest.mark.parametrize("line", COMMANDS)

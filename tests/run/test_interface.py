@@ -15,8 +15,7 @@ import pareto_ltl
 from careful_io.yaml_files import read_yaml
 from pareto_ltl.run.interface import VEHICLE
 from pareto_ltl.run.plan_run import Run
-from pareto_ltl.settings import MissionConfig, SceneConfig
-from pareto_ltl.settings.building import section_of
+from pareto_ltl.settings import MissionConfig, SceneConfig, Settings
 from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl_apps.view.geography import geography_around
 from pareto_ltl_apps.view.land import BESIDE
@@ -344,4 +343,4 @@ def test_the_vehicle_without_a_choice_is_the_one_of_the_command_line(planned: Ru
     """Its errors are in the promise, whichever way the plan is made."""
     rows = read_yaml(Path(__file__).parents[2] / "conf" / "config.yaml")["defaults"]
     assert [row["robot"] for row in rows if isinstance(row, dict) and "robot" in row] == [VEHICLE]
-    assert planned.settings.robot == section_of("robot", VEHICLE)
+    assert planned.settings.robot == Settings.of_section("robot", VEHICLE)

@@ -28,7 +28,7 @@ from pareto_ltl.settings import (
     preset,
 )
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
-from pareto_ltl.support.resources import choice_file
+from pareto_ltl.support.resources import CONF
 from pareto_ltl.support.seeds import stage_seeds
 
 
@@ -41,7 +41,7 @@ def listing(*names: str, **changes: Any) -> Settings:
 
 def phi1() -> SceneConfig:
     """The map of phi1, in the area of the packaged wind."""
-    return SceneConfig(**yaml.safe_load(choice_file("scene", "phi1").read_text()))
+    return SceneConfig(**yaml.safe_load(CONF.file("scene", "phi1").read_text()))
 
 
 class Kitchen(BaseRun):

@@ -10,7 +10,6 @@ from careful_io import machine
 from pareto_ltl.extend import Record
 from pareto_ltl.run.pipeline import check_sizes, known_stages
 from pareto_ltl.settings import Settings
-from pareto_ltl.settings.building import build_settings
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl_apps.studies.kinds import STUDIES as STUDY_KINDS
 
@@ -48,7 +47,7 @@ def test_a_size_that_cannot_fit_is_refused(
     sections: dict[str, Any], stages: tuple[str, ...], words: tuple[str, ...]
 ) -> None:
     with pytest.raises(ConfigError) as caught:
-        check_sizes(build_settings(sections), listed(stages))
+        check_sizes(Settings.of(sections), listed(stages))
     assert not [word for word in words if word not in str(caught.value)], str(caught.value)
 
 
@@ -61,4 +60,4 @@ def test_the_defaults_fit(stages: tuple[str, ...]) -> None:
 
 
 def test_a_setting_that_no_stage_uses_is_not_looked_at() -> None:
-    check_sizes(build_settings({"planner": {"n_max": 10**8}}), listed(("readings", "table")))
+    check_sizes(Settings.of({"planner": {"n_max": 10**8}}), listed(("readings", "table")))

@@ -15,17 +15,16 @@ import pytest
 import pareto_ltl
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import Settings, WindConfig
-from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 from pareto_ltl.support.levels import level_mismatch
-from pareto_ltl.support.resources import choices
+from pareto_ltl.support.resources import CONF
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_verify.judge import verify
 from quick_wind import QUICK_WIND
 
 pytestmark = pytest.mark.no_cover  # other tests run the same lines, and coverage is slow
 
-VEHICLES = sorted(set(choices("robot")) - {"airframe"})
+VEHICLES = sorted(set(CONF.names("robot")) - {"airframe"})
 IN_AIR = ("fixed_wing", "long_endurance", "multirotor")  # fast enough for the packaged winds
 SMALL: dict[str, Any] = {
     "planner": {"trees": 2, "n_max": 500, "threads": 1},
@@ -39,7 +38,7 @@ SMALL: dict[str, Any] = {
 
 def site(name: str) -> dict[str, Any]:
     """A map of 40 minutes of flight a side, for a vehicle of any speed."""
-    robot = section_of("robot", name)
+    robot = Settings.of_section("robot", name)
     return {
         "unit": 40.0 * robot.u_max, "centre": [37.0, -92.0], "bounds": [[0, 0], [40, 40]], "start": [5, 5],
         "regions": {"a": [[26, 6], [34, 6], [34, 14], [26, 14]], "b": [[6, 26], [14, 26], [14, 34], [6, 34]]},
@@ -50,9 +49,9 @@ def site(name: str) -> dict[str, Any]:
 def robot_of(name: str, wind: str) -> dict[str, Any]:
     """The vehicle with all the energy it needs, and at the level of the packaged winds where they blow."""
     from careful_io.yaml_files import read_yaml
-    from pareto_ltl.support.resources import choice_file
+    from pareto_ltl.support.resources import CONF
 
-    told: dict[str, Any] = read_yaml(choice_file("robot", name))
+    told: dict[str, Any] = read_yaml(CONF.file("robot", name))
     told["power"]["capacity"] = 1e6
     return told | ({"level": "10m"} if wind == "sample" else {})
 
@@ -68,7 +67,7 @@ def test_all_paths_of_a_vehicle_keep_its_airspeeds_and_tell_its_energy(
     found = pareto_ltl.plan(
         site(name), "F(a & F b)", robot=robot, wind=wind, fidelity=fidelity, out=tmp_path, **SMALL
     )
-    curve = section_of("robot", robot)
+    curve = Settings.of_section("robot", robot)
     for path in found.front.paths:
         speed = np.linalg.norm(path.u, axis=1)
         assert speed.min() >= robot["u_min"] * (1 - 1e-6)
@@ -137,12 +136,15 @@ def test_a_battery_that_no_path_keeps_to_ends_the_run_with_a_cure(tmp_path: Path
 
 def test_the_wind_is_taken_where_the_robot_flies_unless_told_otherwise() -> None:
     assert Settings().wind.level == "10m"
-    wing = section_of("robot", "fixed_wing")
+    wing = Settings.of_section("robot", "fixed_wing")
     assert Settings(robot=wing).wind.level == "100m"
     assert Settings(robot=wing, wind=WindConfig(level="80m")).wind.level == "80m"
     currents = WindConfig(source="currents", path="x")
     assert Settings(wind=currents).wind.level == "0m"
-    assert Settings(wind=currents, robot=section_of("robot", "underwater_glider")).wind.level == "100m depth"
+    assert (
+        Settings(wind=currents, robot=Settings.of_section("robot", "underwater_glider")).wind.level
+        == "100m depth"
+    )
     assert currents.level == "auto"  # of others who hold it
     for source, in_air, in_water in (
         ("csv", "10m", "100m depth"),
@@ -151,7 +153,7 @@ def test_the_wind_is_taken_where_the_robot_flies_unless_told_otherwise() -> None
     ):
         table = WindConfig(source=source, path="x")
         assert Settings(robot=wing, wind=table).wind.level == in_air
-        glider = section_of("robot", "underwater_glider")
+        glider = Settings.of_section("robot", "underwater_glider")
         assert Settings(robot=glider, wind=table).wind.level == in_water
         assert Settings(robot=wing, wind=replace(table, level="80m")).wind.level == "80m"
 
@@ -246,7 +248,7 @@ def test_what_no_vehicle_is_gets_one_line(capsys: pytest.CaptureFixture[str], tm
 
 
 def test_a_vehicle_slower_than_the_flow_is_told_so() -> None:
-    robot = section_of("robot", "underwater_glider")
+    robot = Settings.of_section("robot", "underwater_glider")
     robot.level = None
     with pytest.raises((DataError, InfeasibleError)) as caught:
         pareto_ltl.plan(site("underwater_glider"), "F(a & F b)", robot=robot, wind="sample", **SMALL)

@@ -15,7 +15,6 @@ from pareto_ltl.planning.pack_logic import LIVE
 from pareto_ltl.run import second_process
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import PRESETS, FidelityConfig, Settings
-from pareto_ltl.settings.building import build_settings
 from pareto_ltl.support.budget import Budget
 from pareto_ltl_apps.cli import warmup
 from pareto_ltl_apps.cli.commands import run_command_line
@@ -37,14 +36,14 @@ def test_each_preset_has_a_kind_and_one_for_every_model_changed() -> None:
 def test_every_kind_makes_a_problem(name: str) -> None:
     kind = warmup.KINDS[name]
     sections = {"pipelines": "plan", "mission": {"formula": kind.formula}, **warmup.small_sections(kind)}
-    problem = Run(build_settings(sections)).problem
+    problem = Run(Settings.of(sections)).problem
     assert (len(problem.logic.distance) > LIVE) == name.endswith("large")
 
 
 @pytest.mark.parametrize("name", ["full", "paper", "full-fixes"])
 def test_the_given_path_completes_its_mission_and_is_within_reach(name: str) -> None:
     sections = warmup.small_sections(warmup.KINDS[name])
-    settings = build_settings({"pipelines": "plan", "mission": {"formula": "F a"}, **sections})
+    settings = Settings.of({"pipelines": "plan", "mission": {"formula": "F a"}, **sections})
     problem = Run(settings).problem
     forest = warmup.path_forest(problem)
     (tree,) = forest.trees
@@ -69,15 +68,15 @@ def test_a_helper_compiles_nothing_of_growth(tmp_path: Path, monkeypatch: pytest
 
 def test_kinds_of_settings() -> None:
     assert second_process.kind_of(Settings()) == "full"
-    assert second_process.kind_of(build_settings({"fidelity": "paper"})) == "paper"
+    assert second_process.kind_of(Settings.of({"fidelity": "paper"})) == "paper"
     assert (
-        second_process.kind_of(build_settings({"scene": {"landmarks": [[[0, 0], [1, 0], [1, 1]]]}}))
+        second_process.kind_of(Settings.of({"scene": {"landmarks": [[[0, 0], [1, 0], [1, 1]]]}}))
         == "full-fixes"
     )
-    assert second_process.kind_of(build_settings({"robot": {"feedback_time": 60.0}})) is None
+    assert second_process.kind_of(Settings.of({"robot": {"feedback_time": 60.0}})) is None
     assert second_process.kind_of(Settings(fidelity=FidelityConfig(judge="bound"))) is None
     landmarks = {"landmarks": [[[0, 0], [1, 0], [1, 1]]]}
-    assert second_process.kind_of(build_settings({"fidelity": "paper", "scene": landmarks})) == "paper"
+    assert second_process.kind_of(Settings.of({"fidelity": "paper", "scene": landmarks})) == "paper"
     assert "full-fixes" in warmup.KINDS
 
 
@@ -126,7 +125,7 @@ def test_a_second_process_is_started_when_growth_is_compiled_and_only_then(start
 def test_of_two_runs_one_has_a_second_process(started: list[str]) -> None:
     with second_process.compiling_in_two(Settings(), Budget()):
         announce("growth.grow")
-        with second_process.compiling_in_two(build_settings({"fidelity": "paper"}), Budget()):
+        with second_process.compiling_in_two(Settings.of({"fidelity": "paper"}), Budget()):
             announce("growth.grow")
     assert started == ["full"]
 

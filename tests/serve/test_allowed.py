@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
+from declared_settings import Declaration
 from desk import SMALL, DirectClient
 from pareto_ltl.settings import Settings
-from pareto_ltl.settings.checks import Declaration
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
 from pareto_ltl_apps.cli.desk_worker import run_at_desk
 from pareto_ltl_apps.cli.hydra_app import run_accepted

@@ -13,11 +13,11 @@ from hydra.types import RunMode
 
 import pareto_ltl
 from pareto_ltl.run import provenance
+from pareto_ltl.run.interface import python_arguments
 from pareto_ltl.settings import PRESETS, PlannerConfig, Settings, preset
-from pareto_ltl.settings.building import build_settings, python_arguments, read_settings_file, section_of
 from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.resources import choices
+from pareto_ltl.support.resources import CONF
 from pareto_ltl_apps.cli import composition
 from pareto_ltl_apps.cli.setting_keys import settings_from
 
@@ -57,7 +57,7 @@ def test_an_error_of_plan_has_a_note_with_the_spelling_in_python() -> None:
 
 
 def test_nothing_said_is_the_default() -> None:
-    assert build_settings({}) == Settings()
+    assert Settings.of({}) == Settings()
 
 
 @pytest.mark.parametrize(
@@ -65,36 +65,36 @@ def test_nothing_said_is_the_default() -> None:
     [
         (section, name)
         for section in ("scene", "mission", "robot", "wind", "planner", "fidelity", "selection", "report")
-        for name in choices(section)
+        for name in CONF.names(section)
         if name not in (*NEEDS_A_FILE, "length")
     ],
 )
 def test_a_choice_has_the_values_that_the_command_line_composes(section: str, name: str) -> None:
-    assert repr(section_of(section, name)) == repr(getattr(composed(f"{section}={name}"), section))
+    assert repr(Settings.of_section(section, name)) == repr(getattr(composed(f"{section}={name}"), section))
 
 
 def test_a_choice_of_several_sections_has_the_values_that_the_command_line_composes() -> None:
-    quick = build_settings({"planner": "quick", "refine": {"points": 5}})
+    quick = Settings.of({"planner": "quick", "refine": {"points": 5}})
     line = composed("planner=quick", "refine.points=5")
     for section in ("planner", "refine", "selection"):
         assert repr(getattr(quick, section)) == repr(getattr(line, section))
     assert (quick.refine.flights, quick.selection.draws, quick.planner.trees) == (500, 4000, 4)
 
 
-@pytest.mark.parametrize("source", choices("wind"))
+@pytest.mark.parametrize("source", CONF.names("wind"))
 def test_a_wind_by_its_source_has_the_values_that_the_command_line_composes(source: str) -> None:
     """``noise_min`` and ``max_speed`` of a current are not those of a wind."""
     path = ["wind.path=x"] if source in NEEDS_A_FILE else []
     asked: dict[str, Any] = {"source": source} | ({"path": "x"} if path else {})
     line = composed(f"wind={source}", *path).wind
-    assert repr(section_of("wind", asked)) == repr(line)
+    assert repr(Settings.of_section("wind", asked)) == repr(line)
     explicit = {"noise_min": 0.123, "max_speed": 12.0, "level": "20m", "hold_last": False}
     changed = composed(f"wind={source}", *path, *(f"wind.{key}={value}" for key, value in explicit.items()))
-    assert repr(section_of("wind", asked | explicit)) == repr(changed.wind)
+    assert repr(Settings.of_section("wind", asked | explicit)) == repr(changed.wind)
 
 
 def test_values_have_the_types_of_the_settings_whatever_was_given() -> None:
-    built = build_settings(
+    built = Settings.of(
         {
             "seed": np.int64(3),
             "robot": {"dt": 600, "u_max": np.float32(20), "a": np.eye(2)},
@@ -120,12 +120,12 @@ def test_values_have_the_types_of_the_settings_whatever_was_given() -> None:
 
 def test_a_settings_object_is_taken_as_it_is() -> None:
     mine = PlannerConfig(trees=3)
-    assert build_settings({"planner": mine}).planner is mine
+    assert Settings.of({"planner": mine}).planner is mine
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_one_model_changes_on_top_of_its_preset(name: str) -> None:
-    built = section_of("fidelity", {"name": name, "refine": "none"})
+    built = Settings.of_section("fidelity", {"name": name, "refine": "none"})
     assert built.label == f"{name} with refine=none"
     assert built.law == preset(name).law
 
@@ -161,7 +161,7 @@ def test_one_model_changes_on_top_of_its_preset(name: str) -> None:
 )
 def test_what_is_wrong_is_said_in_one_line(sections: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        build_settings(sections)
+        Settings.of(sections)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -169,7 +169,7 @@ def test_what_is_wrong_is_said_in_one_line(sections: dict[str, Any], message: st
 def test_settings_come_back_from_the_file_of_a_run(tmp_path: Path) -> None:
     settings = composed("+experiment=phi2", "robot.u_max=25", "planner.epsilon=0.04", "wind.rho=0.5")
     provenance.write_settings(tmp_path, settings)
-    back = read_settings_file(tmp_path / "config_resolved.yaml")
+    back = Settings.of_file(tmp_path / "config_resolved.yaml")
     assert asdict(back) == asdict(settings)
     assert provenance.config_hash(back) == provenance.config_hash(settings)
 
@@ -182,14 +182,14 @@ def test_a_spoilt_file_of_settings_is_named(content: str | None, message: str, t
     if content is not None:
         path.write_text(content)
     with pytest.raises(DataError, match=message) as caught:
-        read_settings_file(path)
+        Settings.of_file(path)
     assert str(path) in str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["a" * 100_000, "../scene/phi1", "no\0name", "", "*"])
 def test_a_choice_that_is_no_name_of_a_file_is_refused_in_one_line(name: str) -> None:
     with pytest.raises(ConfigError, match=r"there is no scene .*; there are") as caught:
-        build_settings({"scene": name})
+        Settings.of({"scene": name})
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 500
 
@@ -199,7 +199,7 @@ def test_what_earlier_versions_wrote_about_trees_is_read_and_left_out(tmp_path: 
     content["fidelity"]["parents"] = "mixed"
     content["ablation"]["parents"] = ["dominance", "scaled"]
     path.write_text(yaml.safe_dump(content))
-    assert read_settings_file(path) == Settings()
+    assert Settings.of_file(path) == Settings()
     assert models_of("full with parents=scaled, refine=none") == replace(preset("full"), refine="none")
     with pytest.raises(ValueError, match="is not a label of a fidelity"):
         models_of("full with parnts=scaled")

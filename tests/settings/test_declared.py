@@ -10,8 +10,8 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
+from declared_settings import declarations
 from pareto_ltl.settings import Settings
-from pareto_ltl.settings.checks import declarations
 
 KEPT = Path(__file__).parent / "declared.txt"
 

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from flight_quantities.heights import FlownAir, Height, MeasuredAir
 from flight_quantities.levels import parse_level
 from pareto_ltl.settings import RobotConfig, SceneConfig, Settings, WindConfig
-from pareto_ltl.settings.building import section_of
 from pareto_ltl.settings.heights import flight_air, flight_height, temperature_doubt
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl_apps.exports.settings import ExportsConfig
@@ -155,7 +154,7 @@ def test_there_is_no_air_in_the_water() -> None:
     "robot", ["fixed_wing", "light_aircraft", "long_endurance", "multirotor", "stratospheric"]
 )
 def test_every_aircraft_has_air(robot: str) -> None:
-    settings = Settings(robot=section_of("robot", robot))
+    settings = Settings(robot=Settings.of_section("robot", robot))
     air = flight_air(settings, flight_height(settings))
     assert air is not None
     assert 0.05 < air.density_ratio < 1.0

@@ -17,10 +17,9 @@ from hydra.errors import ConfigCompositionException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from declared_settings import field_kinds, fits_kind
 from levels import AT_NIGHT
 from pareto_ltl.settings import Settings
-from pareto_ltl.settings.building import build_settings
-from pareto_ltl.settings.checks import check_folder_name, check_time, field_kinds, fits_kind, kind_problem
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl_apps.cli.setting_keys import CONFIGURATION_ERRORS, explain_error, settings_from
 
@@ -96,7 +95,7 @@ def built(case: Case, value: Any) -> Settings:
     """What Python makes of it."""
     for name in reversed(case.path):
         value = {name: value}
-    return build_settings(value)
+    return Settings.of(value)
 
 
 def refusal(make: Callable[[Case, Any], Settings], case: Case, value: Any) -> str | None:
@@ -159,32 +158,5 @@ def test_odd_values_leave_the_defaults_as_they_were() -> None:
 def test_a_text_that_is_no_time_is_refused(key: str, text: str) -> None:
     section, _, name = key.partition(".")
     with pytest.raises(ConfigError, match=key) as caught:
-        build_settings({section: {name: text}})
+        Settings.of({section: {name: text}})
     assert len(str(caught.value)) < 200
-
-
-def test_a_time_is_taken_with_an_offset_or_without() -> None:
-    for text in ("2018-10-09T18:00:00Z", "2018-10-09 18:00", "20181009T180000+02:00", None):
-        check_time("key", text)
-
-
-@pytest.mark.parametrize(
-    "name", ["CON", "aux", "nul.txt", "Com1", "lpt9.tar.gz", "a.", "", "a/b", "..", "x" * 101, "é"]
-)
-def test_a_name_that_some_system_cannot_use_is_refused(name: str) -> None:
-    with pytest.raises(ConfigError, match="name must") as caught:
-        check_folder_name("name", name)
-    assert len(str(caught.value)) < 250
-
-
-@pytest.mark.parametrize("name", ["plan", "console", "a.b", "x" * 100, "7", "A-b_c"])
-def test_a_name_that_every_system_can_use_is_taken(name: str) -> None:
-    check_folder_name("name", name)
-
-
-def test_a_whole_number_that_was_written_as_a_float_is_named_in_digits() -> None:
-    assert (
-        kind_problem("n", 1e7, int)
-        == "n must be a whole number, got 10000000.0; write it in digits, 10000000"
-    )
-    assert kind_problem("n", 2.5, int) == "n must be a whole number, got 2.5"

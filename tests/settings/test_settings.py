@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 import yaml
-from hypothesis import given
-from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
+from declared_settings import CheckedSettings, Declaration, declarations
+from declared_settings.declarations import interval_ends
 from pareto_ltl.settings import (
     PRESETS,
     FidelityConfig,
@@ -26,9 +26,8 @@ from pareto_ltl.settings import (
     WindConfig,
     preset,
 )
-from pareto_ltl.settings.checks import CheckedSettings, Declaration, check_value, declarations, interval_ends
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.resources import choices, resource_folder
+from pareto_ltl.support.resources import CONF, resource_folder
 from pareto_ltl_apps.formats.settings import IngestConfig
 from pareto_ltl_apps.studies.settings import HindcastConfig
 
@@ -108,38 +107,6 @@ def test_a_word_that_is_no_choice_is_refused_with_the_choices(
     assert str(caught.value) == f"{section.section}.{name} must be one of {listed}; got 'elsewhere'"
 
 
-@pytest.mark.parametrize(
-    ("limits", "value", "line"),
-    [
-        ({"within": "(0, 9]", "unit": "s"}, 0.0, "key must be positive and at most 9 [s], got 0.0"),
-        ({"within": "(0, 9]", "unit": "s"}, 10.0, "key must be positive and at most 9 [s], got 10.0"),
-        ({"within": "[0, 9]", "unit": "s"}, 10.0, "key must lie in [0, 9] [s], got 10.0"),
-        ({"within": "(0, 1)"}, 1.0, "key must lie between 0 and 1, both excluded, got 1.0"),
-        ({"within": "[0, 1]"}, 1.5, "key must lie in [0, 1], got 1.5"),
-        ({"within": "[0, 1]", "remark": "0: no"}, 2.0, "key must lie in [0, 1] (0: no), got 2.0"),
-        ({"choices": ("a", "b")}, "c", "key must be one of a, b; got 'c'"),
-        ({"distinct": True}, [], "key is empty: list at least one value, e.g. key=[1,2,3]"),
-        ({"distinct": True, "choices": ("a", "b")}, [], "key is empty: list at least one of a, b"),
-        ({"distinct": True}, [1, 2, 1], "key lists a value twice, got [1, 2, 1]"),
-        ({"within": "[1, 9]"}, [3, 0], "key must lie in [1, 9], got 0"),
-    ],
-)
-def test_a_refusal_is_one_line_with_key_range_and_value(
-    limits: dict[str, Any], value: Any, line: str
-) -> None:
-    with pytest.raises(ConfigError) as caught:
-        check_value("key", value, Declaration("meaning", **limits))
-    assert str(caught.value) == line
-
-
-@given(st.floats(), st.floats(-5, 5), st.floats(0, 5))
-def test_a_number_is_allowed_exactly_inside_its_limits(value: float, low: float, width: float) -> None:
-    closed = Declaration("m", f"[{low!r}, {low + width!r}]")
-    opened = Declaration("m", f"({low!r}, {low + width!r})")
-    assert closed.allows(value) == (low <= value <= low + width)
-    assert opened.allows(value) == (low < value < low + width)
-
-
 def test_nothing_given_is_allowed_where_it_is_the_default() -> None:
     assert Settings().planner.budget_seconds is None
     assert Settings().wind.rho is None
@@ -181,7 +148,7 @@ def test_values_that_do_not_fit_together_are_refused(section: Any, changes: Any,
 
 
 def test_the_files_of_conf_fidelity_are_the_presets() -> None:
-    assert choices("fidelity") == sorted(PRESETS)
+    assert CONF.names("fidelity") == sorted(PRESETS)
     for name in PRESETS:
         written = yaml.safe_load((resource_folder("conf") / "fidelity" / f"{name}.yaml").read_text())
         assert written == {"name": name, **PRESETS[name]}

@@ -33,7 +33,7 @@ from pareto_ltl.simulation.flights import fly_draws
 from pareto_ltl.simulation.robot_errors import erring_pilot
 from pareto_ltl.support.arrays import FloatArray, square_matrices
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.resources import choice_file
+from pareto_ltl.support.resources import CONF
 from pareto_ltl_apps.conditioning import Fix, Learnt
 from pareto_ltl_verify.robot import Errors
 from plane_kernels.types import Cov, Gaussian, Point
@@ -387,6 +387,6 @@ def test_an_error_of_zero_is_answered_by_null():
 
 
 def test_every_robot_preset_states_its_errors():
-    folder = choice_file("robot", "airframe").parent
+    folder = CONF.file("robot", "airframe").parent
     for file in sorted(folder.glob("*.yaml")):
         assert {"airspeed_sd", "heading_sd", "clock_sd"} <= read_yaml(file).keys(), file.name

@@ -14,7 +14,7 @@ import pytest
 
 from careful_io.locks import has_note
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.resources import choices
+from pareto_ltl.support.resources import CONF
 from pareto_ltl_apps.cli import composition
 from pareto_ltl_apps.cli import hydra_app as app
 from patience import wait_until
@@ -88,11 +88,11 @@ def test_a_wrong_argument_costs_one_line_and_no_directory(
 @pytest.mark.parametrize("study", STUDIES)
 def test_every_study_and_every_choice_of_it_composes(study: str) -> None:
     mission = [] if study in ("hindcast", "forecast_test") else ["+experiment=phi2"]
-    options = [f"{study}={name}" for name in choices(study)] if study != "compare" else []
+    options = [f"{study}={name}" for name in CONF.names(study)] if study != "compare" else []
     for extra in [
         [],
         *([option] for option in options),
-        *([f"evaluation={n}"] for n in choices("evaluation")),
+        *([f"evaluation={n}"] for n in CONF.names("evaluation")),
     ]:
         arguments = composition.parse_flags([f"pipelines={study}", *mission, *extra])
         with composition.opened_hydra(arguments) as hydra:

@@ -27,7 +27,7 @@ from pareto_ltl.run import provenance
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.resources import choices
+from pareto_ltl.support.resources import CONF
 from pareto_ltl_apps.cli import composition
 from pareto_ltl_apps.cli import hydra_app as app
 from pareto_ltl_apps.cli.commands import run_command_line
@@ -274,7 +274,7 @@ def test_a_ready_sweep_without_its_flag_is_refused(here: Path, capsys: pytest.Ca
     assert list(here.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", choices("sweep"))
+@pytest.mark.parametrize("name", CONF.names("sweep"))
 def test_every_ready_sweep_composes_with_a_mission(name: str) -> None:
     arguments = composition.parse_flags(["-m", "+experiment=phi2", f"+sweep={name}"])
     with composition.opened_hydra(arguments) as hydra:

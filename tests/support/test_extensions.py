@@ -16,14 +16,15 @@ from types import ModuleType
 
 import pytest
 
+from declared_settings import extensions
 from pareto_ltl.extend import Pipeline
 from pareto_ltl.logic.patterns import formula_of
 from pareto_ltl.run.pipeline import stages_by_name
 from pareto_ltl.settings import MissionConfig, PipelineConfig, SelectionConfig, Settings, WindConfig
 from pareto_ltl.settings.planner import SELECTION_RULES as RULE_NAMES
 from pareto_ltl.settings.wind import wind_sources
-from pareto_ltl.support import extensions, resources
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.resources import CONF
 from unmeasured import untraced
 
 ROOT = Path(__file__).parents[2]
@@ -322,17 +323,6 @@ def test_settings_of_another_package_that_do_not_work_are_one_line(
         assert done.stderr.count("\n") == 1
 
 
-def test_two_packages_with_one_name_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    pair = [EntryPoint("mine", value, "pareto_ltl.stages") for value in ("a:A", "b:B")]
-    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: pair)
-    extensions.installed_entries.cache_clear()
-    try:
-        with pytest.raises(ConfigError, match=r"two packages add pareto_ltl\.stages 'mine': a:A and b:B"):
-            extensions.extension_names("pareto_ltl.stages")
-    finally:
-        extensions.installed_entries.cache_clear()
-
-
 def test_a_format_of_another_package_is_written_and_cannot_take_a_file(
     added: dict[str, dict[str, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -365,20 +355,14 @@ def test_a_format_of_another_package_is_written_and_cannot_take_a_file(
             pareto_ltl.ExportFormat(name, lambda _: b"")
 
 
-def test_a_folder_that_is_not_there_is_refused(added: dict[str, dict[str, str]]) -> None:
-    added["pareto_ltl.conf"] = {"mine": "pareto_ltl.no_such_folder"}
-    with pytest.raises(ConfigError, match="names no folder of a package"):
-        extensions.extension_folders()
-
-
 def test_a_choice_with_the_name_of_another_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "robot").mkdir()
     (tmp_path / "robot" / "airframe.yaml").touch()
-    monkeypatch.setattr(resources, "extension_folders", lambda: (tmp_path,))
+    monkeypatch.setattr(extensions.Group, "folders", lambda group: (tmp_path,))
     with pytest.raises(ConfigError, match="there is another choice conf/robot/airframe; rename this one"):
-        resources.choices("wind")
+        CONF.names("wind")
 
 
 def test_the_names_in_the_settings_are_those_of_the_tables() -> None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import subprocess
 import sys
 import tomllib
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
-from pareto_ltl.support import extras
 from pareto_ltl.support.errors import ConfigError
+from pareto_ltl.support.extras import EXTRAS
 from pareto_ltl_apps.cli.commands import run_command_line
 from pareto_ltl_apps.flight import link
 from pareto_ltl_apps.formats.netcdf_files import netcdf_snapshots
@@ -18,7 +19,7 @@ from pareto_ltl_apps.formats.quantities import WINDS
 from pareto_ltl_apps.studies import cluster
 
 ROOT = Path(__file__).resolve().parents[2]
-EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+STATED = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
 
 
 def open_cluster() -> None:
@@ -27,19 +28,19 @@ def open_cluster() -> None:
 
 
 def test_extras_and_their_modules_exist() -> None:
-    assert set(extras.MODULES) < set(EXTRAS)
-    for extra, modules in extras.MODULES.items():
-        assert all(extras.find_spec(module) is not None for module in modules), extra
+    assert set(EXTRAS.modules) < set(STATED)
+    for extra, modules in EXTRAS.modules.items():
+        assert all(find_spec(module) is not None for module in modules), extra
 
 
-@pytest.mark.parametrize(("extra", "module"), [(e, m) for e, ms in extras.MODULES.items() for m in ms])
+@pytest.mark.parametrize(("extra", "module"), [(e, m) for e, ms in EXTRAS.modules.items() for m in ms])
 def test_each_missing_package_is_named_with_the_command(
     extra: str, module: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    extras.require_extra(extra, "this")
+    EXTRAS.require(extra, "this")
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(ConfigError) as caught:
-        extras.require_extra(extra, "this")
+        EXTRAS.require(extra, "this")
     assert str(caught.value).startswith(f"this needs {module}: ")
     assert f'pip install "pareto-ltl[{extra}]"' in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -81,22 +82,6 @@ def test_a_command_ends_with_one_line(
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1, lines
     assert f'pip install "pareto-ltl[{extra}]"' in lines[0]
-
-
-def test_the_command_is_for_this_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    python, other = tmp_path / "my env" / "python", tmp_path / "other" / "pip"
-    for path in (python, python.with_name("pip"), other):
-        path.parent.mkdir(exist_ok=True)
-        path.touch(mode=0o755)
-    monkeypatch.setattr(extras.sys, "executable", str(python))
-    monkeypatch.setattr(extras, "find_spec", lambda name: object())
-    monkeypatch.setenv("PATH", str(python.parent))
-    assert extras.install_command("grib") == 'pip install "pareto-ltl[grib]"'
-    monkeypatch.setenv("PATH", str(other.parent))
-    assert extras.install_command("grib") == f"'{python}' -m pip install \"pareto-ltl[grib]\""
-    monkeypatch.setattr(extras, "find_spec", lambda name: None)
-    (other.parent / "uv").touch(mode=0o755)
-    assert extras.install_command("grib") == f"uv pip install \"pareto-ltl[grib]\" --python '{python}'"
 
 
 def test_a_plan_in_python_loads_neither_hydra_nor_the_readers_of_other_files() -> None:

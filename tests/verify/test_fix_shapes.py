@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import pareto_ltl
-from pareto_ltl.settings.building import section_of
+from pareto_ltl.settings import Settings
 from pareto_ltl_verify.claims import world
 from pareto_ltl_verify.evidence import open_evidence
 from pareto_ltl_verify.judge import verify
@@ -25,7 +25,7 @@ MARKS = [
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("made") / "fixes"
-    scene = section_of("scene", "phi1")
+    scene = Settings.of_section("scene", "phi1")
     pareto_ltl.plan(
         replace(scene, landmarks=MARKS),
         "F(a & F b)",

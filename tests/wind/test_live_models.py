@@ -15,8 +15,7 @@ from careful_io.times import seconds
 from flight_quantities.levels import parse_level
 from live_archives import GRID, aigfs, current, ecmwf, nbm, rtofs, wind
 from noaa_server import NoaaServer, downloads_at, serving
-from pareto_ltl.settings import WindConfig
-from pareto_ltl.settings.building import build_settings, section_of
+from pareto_ltl.settings import Settings, WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.wind.area import GeoBox, Wanted
 from pareto_ltl.wind.sources import read_readings
@@ -36,7 +35,7 @@ def fresh(monkeypatch, tmp_path):
 
 
 def cfg(server, source, **more):
-    return section_of(
+    return Settings.of_section(
         "wind",
         {"source": source, "base_url": server.address, "level": "10m", "hours": 2.0, "retries": 1} | more,
     )
@@ -328,7 +327,7 @@ def test_requests_to_nomads_are_spread_and_those_to_a_mirror_are_not(monkeypatch
 
 
 def test_a_current_is_water_and_has_a_depth():
-    settings = build_settings({"wind": "rtofs"})
+    settings = Settings.of({"wind": "rtofs"})
     assert settings.wind.level == "0m"
     assert settings.medium.flow == "current"
     assert (settings.wind.max_speed, settings.wind.noise_min) == (5.0, 0.05)

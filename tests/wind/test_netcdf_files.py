@@ -13,7 +13,7 @@ from careful_io.yaml_files import read_yaml
 from noaa import NOAA, needs_noaa
 from pareto_ltl.settings import WindConfig
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.resources import choice_file
+from pareto_ltl.support.resources import CONF
 from pareto_ltl.wind import sources
 from pareto_ltl.wind.area import GeoBox
 from pareto_ltl_apps.formats.netcdf_files import CURRENTS, WINDS, netcdf_snapshots
@@ -410,7 +410,7 @@ def test_currents_read_as_winds_and_winds_as_currents_name_the_choice(tmp_path):
 
 
 def test_the_white_part_of_a_current_may_be_smaller_than_that_of_a_wind():
-    choice = read_yaml(choice_file("wind", "currents"))
+    choice = read_yaml(CONF.file("wind", "currents"))
     assert WindConfig(path="sea.nc", **choice).noise_min == 0.05 < WindConfig().noise_min
 
 

@@ -9,7 +9,7 @@ import pytest
 import pareto_ltl
 from careful_io.texts import distance_text
 from documents import ROOT
-from pareto_ltl.support.resources import choices, resource_folder
+from pareto_ltl.support.resources import CONF, resource_folder
 from pareto_ltl_apps.exports.geojson import border_corners
 
 
@@ -28,7 +28,7 @@ def experiments(name: str) -> list[str]:
     return [file.stem for file in files if f"override /scene: {name}\n" in file.read_text(encoding="utf-8")]
 
 
-@pytest.mark.parametrize("name", choices("scene"))
+@pytest.mark.parametrize("name", CONF.names("scene"))
 def test_the_page_of_maps_says_where_a_ready_map_lies(name: str) -> None:
     page = (ROOT / "docs" / "maps.md").read_text(encoding="utf-8")
     row = f"| `{name}` | {' | '.join(stated(name))} | "
@@ -37,7 +37,7 @@ def test_the_page_of_maps_says_where_a_ready_map_lies(name: str) -> None:
     assert re.findall(r"`(\w+)`", rest[1]) == experiments(name)
 
 
-@pytest.mark.parametrize("name", choices("scene"))
+@pytest.mark.parametrize("name", CONF.names("scene"))
 def test_the_text_of_read_map_says_where_a_ready_map_lies(name: str) -> None:
     text = " ".join((pareto_ltl.read_map.__doc__ or "").split())
     listed = re.search(rf'``"{name}"``[^(]*\(([^)]*)\)', text)

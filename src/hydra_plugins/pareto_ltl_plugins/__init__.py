@@ -11,7 +11,7 @@ class ExtensionSearchPath(SearchPathPlugin):
 
     def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
         """Append the folders; Hydra takes the first file of a name."""
-        from pareto_ltl.support.resources import added_folders
+        from pareto_ltl.support.resources import CONF
 
-        for place in added_folders():
+        for place in CONF.added_folders():
             search_path.append("pareto_ltl extension", f"file://{place}")

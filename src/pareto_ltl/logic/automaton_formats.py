@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pareto_ltl.logic.automaton import Automaton
-from pareto_ltl.support.extensions import FORMAT_GROUP, installed_object
+from pareto_ltl.support.extensions import FORMATS
 
 
 class AutomatonFormats(NamedTuple):
@@ -29,5 +29,5 @@ class AutomatonFormats(NamedTuple):
 @lru_cache
 def automaton_formats() -> AutomatonFormats:
     """The installed reader of automata."""
-    found: AutomatonFormats = installed_object(FORMAT_GROUP, "automata")
+    found: AutomatonFormats = FORMATS.required("automata")
     return found

@@ -9,7 +9,6 @@ from ltlf import PatternError, patterns
 from pareto_ltl.logic.formula import planner_errors
 from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.extensions import extension_names, known_kind
 
 if TYPE_CHECKING:
     from pareto_ltl.settings import MissionConfig
@@ -33,9 +32,9 @@ def formula_of(mission: MissionConfig) -> str:
     if mission.formula:
         raise ConfigError(f"mission.pattern={mission.pattern} and mission.formula are both set; choose one")
     try:
-        make = known_kind(extensions.PATTERN_GROUP, PATTERNS, mission.pattern, callable)
+        make = extensions.PATTERNS.kind(PATTERNS, mission.pattern, callable)
     except KeyError:
-        known = ", ".join((*PATTERNS, *extension_names(extensions.PATTERN_GROUP)))
+        known = ", ".join((*PATTERNS, *extensions.PATTERNS.names()))
         raise ConfigError(f"mission.pattern must be one of {known}; got {mission.pattern!r}") from None
     try:
         with planner_errors():

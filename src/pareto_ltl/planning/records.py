@@ -20,7 +20,7 @@ from pareto_ltl.settings import FidelityConfig
 from pareto_ltl.settings.fidelity import models_of
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from pareto_ltl.support.display import Displayed, branched_text
-from pareto_ltl.support.extras import require_extra
+from pareto_ltl.support.extras import EXTRAS
 from pareto_ltl.wind.coverage import level_gap
 from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene import Scene
@@ -257,7 +257,7 @@ class Front(Displayed):
         """The paths as a table of pandas, with the columns of ``front.csv``; its index is their number."""
         from pareto_ltl.planning.plan_files import front_table
 
-        require_extra("netcdf", "Front.to_pandas")
+        EXTRAS.require("netcdf", "Front.to_pandas")
         import pandas as pd
 
         columns, rows = front_table(self)
@@ -267,7 +267,7 @@ class Front(Displayed):
         """The paths as a dataset of xarray: the columns of ``front.csv`` with units, positions and times."""
         from pareto_ltl.planning.front_dataset import front_dataset
 
-        require_extra("netcdf", "Front.to_xarray")
+        EXTRAS.require("netcdf", "Front.to_xarray")
         return front_dataset(self)
 
     def facts(self) -> Mapping[str, str]:

@@ -22,7 +22,6 @@ from pareto_ltl.settings import FidelityConfig, SelectionConfig
 from pareto_ltl.support import extensions
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, InfeasibleError
-from pareto_ltl.support.extensions import known_kind
 
 LOG = logging.getLogger(__name__)
 FAR, NEGLIGIBLE = 2.0, 1e-3  # ratio of V to the mission risk, and mission risk, that need no warning
@@ -95,9 +94,8 @@ def selection_rule(cfg: SelectionConfig) -> SelectionRule:
     ConfigError
         If a rule of another package cannot be loaded, or reads a setting that does not exist.
     """
-    group = extensions.SELECTION_RULE_GROUP
-    found = known_kind(
-        group, RULES, cfg.rule, lambda loaded: isinstance(loaded, SelectionRule) or callable(loaded)
+    found = extensions.SELECTION_RULES.kind(
+        RULES, cfg.rule, lambda loaded: isinstance(loaded, SelectionRule) or callable(loaded)
     )
     chosen = found if isinstance(found, SelectionRule) else SelectionRule(found, reads=("options",))
     if unknown := [name for name in chosen.reads if not hasattr(cfg, name)]:

@@ -30,9 +30,8 @@ from pareto_ltl.planning.routes.obligations import MissionOrder, completes, poss
 from pareto_ltl.planning.routes.taut_lines import CAP, longest_share, taut_line, walk_line
 from pareto_ltl.planning.wind_lookup import interpolate
 from pareto_ltl.settings import RobotConfig
-from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.arrays import FloatArray, length_of
-from pareto_ltl.support.resources import choices
+from pareto_ltl.support.resources import CONF
 
 MARGIN = 0.9  # share of the capacity that an advised vehicle may need on the shortest path
 SPEEDS = 40  # airspeeds that are tried, in equal steps up to robot.u_max
@@ -355,9 +354,11 @@ def _slower(problem: Problem, line: FloatArray) -> str:
 
 def _vehicle(problem: Problem, line: FloatArray) -> str:
     """The preset with the smallest capacity that suffices, in the wind of this run."""
+    from pareto_ltl.settings import Settings
+
     found: list[tuple[float, str, float, RobotConfig]] = []
-    for name in choices("robot"):
-        robot: RobotConfig = section_of("robot", name)
+    for name in CONF.names("robot"):
+        robot: RobotConfig = Settings.of_section("robot", name)
         model = energy_model(robot.power)
         if model is None or model.capacity is None or "depth" in str(robot.level):  # under water
             continue

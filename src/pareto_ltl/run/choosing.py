@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from careful_io.texts import distance_text, probability_text, round_up
+from declared_settings import settings_of
 from pareto_ltl.run.directory import claimed_directory
 from pareto_ltl.run.pipeline import carry_out, files_of, stages_by_name
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.results import Planned, load_results, planned_run
 from pareto_ltl.settings import SelectionConfig
-from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.errors import ConfigError, DataError, InfeasibleError
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ class Choice:
         values = {field.name: getattr(cfg, field.name) for field in fields(cfg)}
         if changes["rule"] != cfg.rule:
             values["options"] = {}  # options belong to one rule
-        changed = section_of("selection", values | changes)
+        changed = settings_of(SelectionConfig, values | changes, "selection.")
         assert isinstance(changed, SelectionConfig)
         return changed
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pareto_ltl.support.extras import require_extra
+from pareto_ltl.support.extras import EXTRAS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -23,7 +23,7 @@ def dataset_of(scene: Scene, wind: WindField, plan: Plan | None) -> xr.Dataset:
 
     Times are seconds since departure, and dates if its date is known.
     """
-    require_extra("netcdf", "Run.to_xarray")
+    EXTRAS.require("netcdf", "Run.to_xarray")
     import xarray as xr
 
     x, y = (wind.origin[k] + wind.spacing * np.arange(wind.mean.shape[1 + k]) for k in (0, 1))

@@ -5,7 +5,8 @@ They go through the runner of the command line: the same settings and seed give 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,9 +21,8 @@ from pareto_ltl.run.plan_run import Run
 from pareto_ltl.run.progress import Caller, ProgressBar
 from pareto_ltl.run.results import Planned, planned_run
 from pareto_ltl.settings import DeploymentConfig, MissionConfig, SceneConfig, WindConfig
-from pareto_ltl.settings.building import build_settings, choice_values, python_spelling, section_of
-from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.resources import choices
+from pareto_ltl.support.errors import ConfigError, ParetoLtlError
+from pareto_ltl.support.resources import CONF
 from pareto_ltl.world.scene import Scene
 from pareto_ltl.world.scene_settings import read_map
 
@@ -43,7 +43,30 @@ CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 # --- planning -----------------------------------------------------------------------------------
 
 
-@python_spelling()
+@contextmanager
+def _python_spelling() -> Iterator[None]:
+    """Add a note to an error that names settings: how a caller in Python gives them."""
+    try:
+        yield
+    except ParetoLtlError as error:
+        if arguments := python_arguments(str(error)):
+            error.add_note(f"in Python: pareto_ltl.plan(..., {arguments})")
+        raise
+
+
+def python_arguments(message: str) -> str:
+    """The settings that a message names, as arguments of :func:`plan`; empty if it names none.
+
+    The formula, which is its second argument, is left out.
+    """
+    from pareto_ltl.settings import Settings
+
+    named = Settings.named_in(message.replace("mission.formula", ""))
+    given = {section: ", ".join(f'"{key}": ...' for key in keys) for section, keys in named.items()}
+    return ", ".join(f"{section}={{{keys}}}" for section, keys in given.items())
+
+
+@_python_spelling()
 def plan(
     scene: str | Path | Mapping[str, Any] | SceneConfig | Scene,
     formula: str | Mapping[str, Any] | MissionConfig,
@@ -82,12 +105,14 @@ def plan(
     InfeasibleError
         If no path completes the mission.
     """
+    from pareto_ltl.settings import Settings
+
     given, sections = _given_wind(sections)
     if hasattr(scene, "__geo_interface__") and not isinstance(scene, Scene):
         scene = read_map(scene)
     if isinstance(scene, Scene):
         given["scene"] = scene
-    settings = build_settings(
+    settings = Settings.of(
         {"pipelines": "plan", "seed": seed}
         | ({} if isinstance(scene, Scene) else {"scene": _map_settings(scene)})
         | sections
@@ -159,7 +184,7 @@ def _given_wind(sections: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, 
 
 def _is_place(wind: str | Path) -> bool:
     """Whether ``wind`` is a file, a folder or a pattern of files, and not the name of a choice."""
-    if str(wind) in choices("wind"):
+    if str(wind) in CONF.names("wind"):
         return False
     return Path(wind).expanduser().exists() or any(letter in str(wind) for letter in "*?[")
 
@@ -179,12 +204,14 @@ def _given_level(wind: Readings | WindField, others: Mapping[str, Any]) -> dict[
 
 def _map_settings(scene: str | Path | Mapping[str, Any] | SceneConfig) -> SceneConfig:
     """Settings of the map from its keys, its name or its file; ConfigError for an unknown name."""
-    if isinstance(scene, str | Path) and str(scene) not in choices("scene"):
+    if isinstance(scene, str | Path) and str(scene) not in CONF.names("scene"):
         if not Path(scene).expanduser().is_file():
-            ready = ", ".join(choices("scene"))
+            ready = ", ".join(CONF.names("scene"))
             raise ConfigError(f"scene {str(scene)!r} is neither a file nor a ready map; there are {ready}")
         return SceneConfig(file=str(scene))
-    built = section_of("scene", str(scene) if isinstance(scene, Path) else scene)
+    from pareto_ltl.settings import Settings
+
+    built = Settings.of_section("scene", str(scene) if isinstance(scene, Path) else scene)
     assert isinstance(built, SceneConfig)
     return built
 
@@ -192,7 +219,7 @@ def _map_settings(scene: str | Path | Mapping[str, Any] | SceneConfig) -> SceneC
 def _robot_settings(robot: Any) -> Any:
     """The section ``robot``; keys alone change the vehicle that the command line has without ``robot=``."""
     if robot is None or isinstance(robot, Mapping):
-        return choice_values("robot", VEHICLE) | dict(robot or {})
+        return CONF.values("robot", VEHICLE) | dict(robot or {})
     return robot
 
 

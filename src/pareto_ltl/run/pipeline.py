@@ -21,14 +21,8 @@ from pareto_ltl.run.plan_run import PLAN_STAGES, Run
 from pareto_ltl.run.progress import ProgressBar
 from pareto_ltl.run.record import BaseRun, Record
 from pareto_ltl.run.required import require_formula, require_map
+from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError, InfeasibleError, ParetoLtlError
-from pareto_ltl.support.extensions import (
-    STAGE_GROUP,
-    STAGE_TABLE_GROUP,
-    extension_names,
-    load_all,
-    load_extension,
-)
 from pareto_ltl.support.run_status import RUN_LOG
 
 if TYPE_CHECKING:
@@ -88,7 +82,7 @@ class Pipeline:
             If the list cannot run, or the settings lack the map or the formula that it needs.
         """
         table, listed = stages_by_name(settings, stages), settings.pipelines.stages
-        names = dict.fromkeys((*table, *extension_names(STAGE_GROUP)))
+        names = dict.fromkeys((*table, *extensions.STAGES.names()))
         known = ", ".join(name for name in names if not name.endswith(Pipeline.FIGURES))
         known = f"{known}, and the {Pipeline.FIGURES} of studies"
         if not listed:
@@ -140,7 +134,7 @@ class Pipeline:
 @lru_cache
 def known_stages() -> tuple[Record[Any], ...]:
     """The stages of a plan, and stages of applications (entry points in ``pareto_ltl.stage_tables``)."""
-    return (*PLAN_STAGES, *(stage for table in load_all(STAGE_TABLE_GROUP) for stage in table))
+    return (*PLAN_STAGES, *(stage for table in extensions.STAGE_TABLES.load_all() for stage in table))
 
 
 def stages_by_name(settings: Settings, stages: Iterable[Record[Any]] | None = None) -> dict[str, Record[Any]]:
@@ -152,13 +146,14 @@ def stages_by_name(settings: Settings, stages: Iterable[Record[Any]] | None = No
         If an added stage has the name of a known one, does not load, or is no :class:`Record`.
     """
     table = {stage.stage: stage for stage in (known_stages() if stages is None else stages)}
-    added = extension_names(STAGE_GROUP, (*table, *Run.rows()))
+    group = extensions.STAGES
+    added = group.names((*table, *Run.rows()))
     for name in dict.fromkeys(settings.pipelines.stages):
         if name in added:
-            stage = load_extension(STAGE_GROUP, name, lambda loaded: isinstance(loaded, Record))
+            stage = group.load(name, lambda loaded: isinstance(loaded, Record))
             if stage.stage != name:
                 raise ConfigError(
-                    f"entry point {name!r} in {STAGE_GROUP} is the stage {stage.stage!r}; give both one name"
+                    f"entry point {name!r} in {group.name} is the stage {stage.stage!r}; give both one name"
                 )
             table[name] = stage
     return table

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pareto_ltl.support.extensions import PLAN_ADDITION_GROUP, load_all
+from pareto_ltl.support.extensions import PLAN_ADDITIONS
 
 if TYPE_CHECKING:
     from pareto_ltl.planning.problem import Problem
@@ -36,5 +36,5 @@ class PlanAddition:
 
 def additions_to_plans(settings: Settings) -> Iterator[PlanAddition]:
     """The additions that ``settings`` ask for, by the names of their entry points."""
-    found = load_all(PLAN_ADDITION_GROUP, lambda loaded: isinstance(loaded, PlanAddition))
+    found = PLAN_ADDITIONS.load_all(lambda loaded: isinstance(loaded, PlanAddition))
     return (addition for addition in found if addition.wanted(settings))

@@ -21,7 +21,6 @@ from pareto_ltl.run.plan_additions import additions_to_plans
 from pareto_ltl.run.record import BaseRun, Record, record
 from pareto_ltl.run.required import require_formula, require_map
 from pareto_ltl.settings import RobotConfig, WindConfig
-from pareto_ltl.settings.building import read_settings_file
 from pareto_ltl.settings.heights import flight_height
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.run_status import ANSWERS
@@ -243,13 +242,15 @@ class Run(BaseRun):
         DataError
             If the directory holds no run, or a link leads out of it.
         """
+        from pareto_ltl.settings import Settings
+
         directory = Path(directory)
         if not (directory / "run.json").is_file():
             raise DataError(f"{directory}: there is no run.json; name a results directory")
         refuse_links_out(directory)
         inputs = read_document(directory / "run.json", "run").get("inputs") or {}
         return cls(
-            read_settings_file(directory / "config_resolved.yaml").inert(),
+            Settings.of_file(directory / "config_resolved.yaml").inert(),
             directory=directory,
             read={str(name): str(digest) for name, digest in inputs.items()},
             stored=frozenset(name for name, row in cls.rows().items() if row.codec),

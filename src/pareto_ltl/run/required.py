@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pareto_ltl.settings import MissionConfig, SceneConfig
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.resources import choices
+from pareto_ltl.support.resources import CONF
 
 
 def require_map(scene: SceneConfig) -> None:
@@ -12,7 +12,8 @@ def require_map(scene: SceneConfig) -> None:
     if not (scene.bounds or scene.file):
         raise ConfigError(
             f"scene is missing: choose a ready mission with +experiment=NAME "
-            f"({', '.join(choices('experiment'))}) or a map with scene=NAME ({', '.join(choices('scene'))})"
+            f"({', '.join(CONF.names('experiment'))}) or a map with scene=NAME "
+            f"({', '.join(CONF.names('scene'))})"
         )
 
 
@@ -27,6 +28,6 @@ def require_formula(mission: MissionConfig) -> None:
     if not formula.strip():
         raise ConfigError(
             "mission.formula is missing: choose a ready mission with +experiment=NAME "
-            f"({', '.join(choices('experiment'))}) or give one, e.g. \"mission.formula='F(a & F b)'\""
+            f"({', '.join(CONF.names('experiment'))}) or give one, e.g. \"mission.formula='F(a & F b)'\""
         )
     positive_normal_form(parse_formula(formula))  # the automaton is made of the same tree, from a cache

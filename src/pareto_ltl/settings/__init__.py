@@ -1,7 +1,7 @@
 """Settings of every stage, checked on construction.
 
 The files of ``conf/`` hold values; these dataclasses are their schema. Each setting carries its unit, range
-and meaning (:func:`pareto_ltl.settings.checks.setting`). ``cli`` turns a composed configuration into a
+and meaning (:func:`declared_settings.setting`). ``cli`` turns a composed configuration into a
 :class:`Settings`; no other package imports Hydra. Every error names the key as a user types it.
 
 ``Settings`` has the sections of the planner and those that applications and other packages add. Their modules
@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pareto_ltl.settings.checks import declarations as declarations
 from pareto_ltl.settings.fidelity import PRESETS as PRESETS
 from pareto_ltl.settings.fidelity import FidelityConfig as FidelityConfig
 from pareto_ltl.settings.fidelity import preset as preset

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from careful_io.messages import shown_text
-from pareto_ltl.settings.checks import CheckedSettings, setting
+from declared_settings import CheckedSettings, setting
 from pareto_ltl.support.errors import ConfigError
 
 LAWS = ("independent", "coherent")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from flight_quantities.atmosphere import FREEZING, HIGHEST, LOWEST, standard_air
 from flight_quantities.heights import (
@@ -21,6 +21,14 @@ if TYPE_CHECKING:
     from pareto_ltl.settings import Settings
 
 CONTRADICTION = 15.0  # [K] between the temperatures of the settings and of a wind file
+
+
+@runtime_checkable
+class StatesHeight(Protocol):
+    """A section of settings, of any package, that can state the height of the flight."""
+
+    def stated_height(self) -> tuple[str, Level] | None:
+        """``key=value`` and the level, if the section states it."""
 
 
 def flight_height(settings: Settings) -> Height:
@@ -57,7 +65,8 @@ def _stated(settings: Settings) -> list[tuple[str, Height]]:
         grounded = bool(stated) and not stated[0][1].above_sea
         kind = DEPTH if scene < 0.0 else HEIGHT if grounded else ALTITUDE
         stated.append((f"scene.altitude={scene:g}", level_height(Level(kind, abs(scene)))))
-    further = filter(None, (section.stated_height() for section in settings.sections()))
+    others = (section for section in settings.sections() if isinstance(section, StatesHeight))
+    further = filter(None, (section.stated_height() for section in others))
     return stated + [(words, level_height(level)) for words, level in further]
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from careful_io.messages import shown_value, wrong_value
-from pareto_ltl.settings.checks import SEEDS, CheckedSettings, are_pairs, check_matrix, check_time, setting
+from declared_settings import SEEDS, CheckedSettings, are_pairs, check_matrix, check_time, setting
 from pareto_ltl.settings.fidelity import BORDERS
 from pareto_ltl.support.errors import ConfigError
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from careful_io.messages import shown_value, wrong_value
-from pareto_ltl.settings.checks import CheckedSettings, is_finite, setting
+from declared_settings import CheckedSettings, is_finite, setting
 from pareto_ltl.settings.fidelity import LAWS
+from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.extensions import COST_GROUP, SELECTION_RULE_GROUP
 from pareto_ltl.support.resources import kind_names
 
 SELECTION_RULES = ("worth", "priority", "weighted", "threshold", "energy", "least", "knee", "length", "point")
@@ -117,7 +117,9 @@ class SelectionConfig(CheckedSettings, section="selection"):
 
     # failure rate that rule=worth adds to all: below it, a lower one is worth little length
     SMALL: ClassVar[float] = 1e-3
-    rule: str = setting("worth", "how a path is chosen", choices=SELECTION_RULES, group=SELECTION_RULE_GROUP)
+    rule: str = setting(
+        "worth", "how a path is chosen", choices=SELECTION_RULES, group=extensions.SELECTION_RULES
+    )
     saving: float = setting(
         2.0,
         "per cent of the failures that one per cent more length must save, with rule=worth; 0: the "
@@ -140,7 +142,7 @@ class SelectionConfig(CheckedSettings, section="selection"):
         [],
         "further costs that paths are compared by, besides length and energy (where it is known)",
         choices=FURTHER_COSTS,
-        group=COST_GROUP,
+        group=extensions.COSTS,
     )
     least: str = setting("energy", "cost of which the least is taken, with rule=least")
     length: float | None = setting(None, "longest path, with rule=length", "(0, 1e9]", unit="m")

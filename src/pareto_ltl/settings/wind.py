@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from careful_io.messages import shown_text, wrong_value
-from pareto_ltl.settings.checks import CheckedSettings, check_time, setting
+from declared_settings import CheckedSettings, check_time, setting
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.extensions import FORMAT_GROUP, WIND_SOURCE_GROUP, installed_object
+from pareto_ltl.support.extensions import FORMATS, WIND_SOURCES
 
 if TYPE_CHECKING:
     from pareto_ltl.wind.readings import Readings
@@ -74,7 +74,7 @@ class WindFormats(NamedTuple):
 @lru_cache
 def wind_formats() -> WindFormats:
     """The installed readers of wind files."""
-    found: WindFormats = installed_object(FORMAT_GROUP, "winds")
+    found: WindFormats = FORMATS.required("winds")
     return found
 
 
@@ -93,7 +93,7 @@ class WindConfig(CheckedSettings, section="wind"):
     """Wind readings, the Gaussian process that is fitted to them, and the modes of its error."""
 
     acts: ClassVar = {"base_url": "download from {}"}
-    source: str = setting("sample", "where readings come from", kinds=wind_sources, group=WIND_SOURCE_GROUP)
+    source: str = setting("sample", "where readings come from", kinds=wind_sources, group=WIND_SOURCES)
     path: str | None = setting(None, "file, folder or pattern, for the sources that read files")
     kernel: str = setting("matern12", "kernel of the Gaussian process", choices=GP_KERNELS)
     noise_min: float = setting(

@@ -7,7 +7,7 @@ from html import escape
 from typing import Any
 
 from careful_io.texts import frequency_text, probability_text, rate_text
-from pareto_ltl.support.extensions import INTERFACE_GROUP, installed_object
+from pareto_ltl.support.extensions import INTERFACE
 
 
 class Displayed:
@@ -40,7 +40,7 @@ class Displayed:
         record is drawn on these axes of matplotlib, which are returned. ``scene`` is the map below it;
         docs/api.md lists the options of each record.
         """
-        return installed_object(INTERFACE_GROUP, "draw")(self, **options)
+        return INTERFACE.required("draw")(self, **options)
 
 
 def flights_text(rate: float, low: float, high: float) -> tuple[str, str]:

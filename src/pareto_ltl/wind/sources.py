@@ -11,11 +11,9 @@ from typing import Any
 from careful_io.messages import shown_text
 from careful_io.reading import refuse_special
 from pareto_ltl.settings import WindConfig
-from pareto_ltl.settings.building import section_of
 from pareto_ltl.settings.wind import WindSource, usual_level, wind_formats, wind_sources
 from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.extensions import known_kind
 from pareto_ltl.support.file_formats import is_data_file
 from pareto_ltl.wind.area import ALL_WIND, Wanted
 from pareto_ltl.wind.readings import Readings
@@ -62,8 +60,9 @@ def source_of_path(path: str | Path) -> str:
 
 def wind_source(cfg: WindConfig) -> WindSource:
     """The source ``wind.source``: one of this package, or of another package; KeyError if unknown."""
-    group = extensions.WIND_SOURCE_GROUP
-    return known_kind(group, wind_sources(), cfg.source, lambda loaded: isinstance(loaded, WindSource))
+    return extensions.WIND_SOURCES.kind(
+        wind_sources(), cfg.source, lambda loaded: isinstance(loaded, WindSource)
+    )
 
 
 def read_readings(cfg: WindConfig, wanted: Wanted = ALL_WIND) -> Readings:
@@ -120,10 +119,12 @@ def read_wind(path: Any, source: str | None = None, level: str | None = None) ->
     ConfigError
         If ``source`` or ``level`` is not known.
     """
+    from pareto_ltl.settings import Settings
+
     if is_dataset(path):
         return read_dataset(path, source, level)
     chosen = source or source_of_path(path)
     stated = usual_level(chosen, None) if level in (None, "auto") else level
-    cfg = section_of("wind", {"source": chosen, "path": str(path), "level": stated})
+    cfg = Settings.of_section("wind", {"source": chosen, "path": str(path), "level": stated})
     assert isinstance(cfg, WindConfig)
     return read_readings(cfg)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from careful_io.messages import LONGEST_LINE, shown_text
 from careful_io.reading import Advice
-from pareto_ltl.support.extensions import FORMAT_GROUP, installed_object
+from pareto_ltl.support.extensions import FORMATS
 
 if TYPE_CHECKING:
     from pareto_ltl.world.scene_sketch import SceneSketch
@@ -93,5 +93,5 @@ class MapFormats:
 @lru_cache
 def map_formats() -> MapFormats:
     """The installed reader of map files."""
-    found: MapFormats = installed_object(FORMAT_GROUP, "maps")
+    found: MapFormats = FORMATS.required("maps")
     return found

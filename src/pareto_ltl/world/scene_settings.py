@@ -21,10 +21,9 @@ from careful_io.times import lacks_zone
 from flight_quantities import frames
 from flight_quantities.heights import Height
 from pareto_ltl.settings import SceneConfig
-from pareto_ltl.settings.building import section_of
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.resources import choices
+from pareto_ltl.support.resources import CONF
 from pareto_ltl.world import scene_sketch as sk
 from pareto_ltl.world.projection import Frame
 from pareto_ltl.world.scene import Scene
@@ -121,7 +120,10 @@ def read_map(path: Any, altitude: float | None = None) -> Scene:
     if isinstance(path, Scene) and altitude is None:
         return path
     if not hasattr(path, "__geo_interface__"):
-        ready = section_of("scene", path) if path in choices("scene") else SceneConfig(file=str(path))
+        from pareto_ltl.settings import Settings
+
+        named = path in CONF.names("scene")
+        ready = Settings.of_section("scene", path) if named else SceneConfig(file=str(path))
         assert isinstance(ready, SceneConfig)
         if altitude is not None:
             ready = replace(ready, altitude=altitude)

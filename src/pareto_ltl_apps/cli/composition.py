@@ -40,7 +40,7 @@ from careful_io.yaml_files import read_yaml
 from pareto_ltl import Settings, __version__
 from pareto_ltl.extend import Pipeline
 from pareto_ltl.support.errors import ConfigError, ParetoLtlError
-from pareto_ltl.support.extras import install_command
+from pareto_ltl.support.extras import EXTRAS
 from pareto_ltl.support.resources import resource_folder
 from pareto_ltl_apps.cli.arguments import HELP_FLAGS, CommandArguments
 from pareto_ltl_apps.cli.setting_keys import refuse_unknown_key, settings_from
@@ -300,7 +300,9 @@ def _check_launcher(config: DictConfig) -> None:
         if find_spec(module) is not None:
             return
     if name in LAUNCHER_EXTRAS:
-        raise ConfigError(f"hydra/launcher={name} is not installed: {install_command(LAUNCHER_EXTRAS[name])}")
+        raise ConfigError(
+            f"hydra/launcher={name} is not installed: {EXTRAS.install_command(LAUNCHER_EXTRAS[name])}"
+        )
 
 
 # --- overrides -------------------------------------------------------------------------------

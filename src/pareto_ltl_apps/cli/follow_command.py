@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.extras import require_extra
+from pareto_ltl.support.extras import EXTRAS
 from pareto_ltl_apps.cli.output import Output
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def _check(options: Namespace) -> None:
 
 def _add_page(session: Session, port: int) -> None:
     """Show the session on a page, whose address is printed."""
-    require_extra("serve", "--page")
+    EXTRAS.require("serve", "--page")
     from pareto_ltl_apps.desk.live import LivePage
 
     page = LivePage()

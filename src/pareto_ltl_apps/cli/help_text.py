@@ -12,7 +12,7 @@ from typing import Any
 from pareto_ltl import Settings
 from pareto_ltl.extend import Declaration
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.resources import added_folders, resource_folder
+from pareto_ltl.support.resources import CONF, resource_folder
 from pareto_ltl_apps.cli.command_table import COMMANDS, PipelineCommand
 
 Groups = Mapping[str, list[str]]
@@ -95,7 +95,7 @@ def command_help(command: PipelineCommand, groups: Groups) -> str:
 def group_choices(config_path: str | None, config_dir: str | None) -> dict[str, list[str]]:
     """Every group with its choices, of the package and of ``--config-dir``; nested as ``hydra/launcher``."""
     roots = [Path(config_path) if config_path else resource_folder("conf")]
-    roots += added_folders()
+    roots += CONF.added_folders()
     if config_dir is not None:
         roots.append(Path(config_dir))
     found: dict[str, set[str]] = {

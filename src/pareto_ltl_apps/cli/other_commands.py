@@ -17,7 +17,7 @@ from careful_io.messages import shown_text, shown_value
 from careful_io.texts import probability_text
 from pareto_ltl import Settings
 from pareto_ltl.support.errors import ConfigError, FormulaError
-from pareto_ltl.support.extras import require_extra
+from pareto_ltl.support.extras import EXTRAS
 from pareto_ltl_apps.cli.output import Answer, Output, print_answer, print_problem, shown_table
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def sweep(options: Namespace) -> Answer:
 
 def serve(options: Namespace, output: Output) -> int:
     """Serve the desk until Ctrl-C or a signal; return 0."""
-    require_extra("serve", "serve")
+    EXTRAS.require("serve", "serve")
     from pareto_ltl_apps.desk.app import desk_server
 
     desk = desk_server(options.folder, options.port)
@@ -211,7 +211,7 @@ def scores(options: Namespace) -> Answer:
     from pareto_ltl_apps.studies import promises
     from pareto_ltl_apps.view.study_forecast_test import draw_promises
 
-    require_extra("scores", "scores")
+    EXTRAS.require("scores", "scores")
     for folder in filter(None, (options.folder, options.other)):
         refuse_links_out(folder)
     names = options.names or (None, None)

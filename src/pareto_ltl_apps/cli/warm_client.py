@@ -37,7 +37,7 @@ READ_AT_START = (
 SOURCES = Path(__file__).resolve().parents[2]  # folder of the installed packages
 OURS = (
     "careful_io", "flight_quantities", "ltlf", "pareto_ltl", "pareto_ltl_apps", "pareto_ltl_verify",
-    "plane_kernels", "plane_logic", "typed_kernels", "hydra_plugins", "wind_laws",
+    "plane_kernels", "plane_logic", "typed_kernels", "hydra_plugins", "wind_laws", "declared_settings",
 )  # fmt: skip
 NOT_WARM = {"warm", "warmup", "serve", "follow", "sweep", "verify", "rerun", "cache", "formula"}
 

@@ -27,7 +27,7 @@ from careful_io.yaml_files import read_yaml
 from pareto_ltl import Settings
 from pareto_ltl.extend import Pipeline
 from pareto_ltl.support.errors import InfeasibleError
-from pareto_ltl.support.resources import choice_file
+from pareto_ltl.support.resources import CONF
 from typed_kernels.watching import compilation_watched
 
 if TYPE_CHECKING:
@@ -156,12 +156,12 @@ def warm_up(name: str, watcher: Callable[[str], None] = lambda _: None, *, grown
 
 def small_sections(kind: Kind) -> Sections:
     """The settings of the small mission."""
-    scene = read_yaml(choice_file("scene", "phi1"))
+    scene = read_yaml(CONF.file("scene", "phi1"))
     sections = {**SMALL, "robot": {"dt": 3600.0}, **kind.sections}
     changed = sections.pop("scene", {})
     scene |= changed | {"regions": scene["regions"] | changed.get("regions", {})}
     if isinstance(sections["robot"], str):
-        sections["robot"] = read_yaml(choice_file("robot", sections["robot"])) | {"dt": 3600.0, "level": None}
+        sections["robot"] = read_yaml(CONF.file("robot", sections["robot"])) | {"dt": 3600.0, "level": None}
     return {**sections, "scene": scene}
 
 

@@ -10,7 +10,7 @@ from omegaconf import DictConfig, OmegaConf
 from careful_io.messages import shown_text
 from pareto_ltl.extend import wind_sources
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.resources import choices
+from pareto_ltl.support.resources import CONF
 
 
 def wind_file_words(words: Sequence[str]) -> list[str]:
@@ -19,11 +19,11 @@ def wind_file_words(words: Sequence[str]) -> list[str]:
     for word in words:
         key, _, value = word.partition("=")
         place = value.strip().strip("'\"")
-        if key != "wind" or place in choices("wind") or not _is_place(place):
+        if key != "wind" or place in CONF.names("wind") or not _is_place(place):
             if key == "wind" and len(Path(place).parts) > 1 and "," not in place:
                 raise ConfigError(
                     f"wind={shown_text(place)}: there is no such file or folder; expected a file of winds, "
-                    f"or one of {', '.join(choices('wind'))}"
+                    f"or one of {', '.join(CONF.names('wind'))}"
                 )
             found.append(word)
             continue

@@ -23,7 +23,7 @@ from pareto_ltl import Settings
 from pareto_ltl.extend import Setting
 from pareto_ltl.settings.wind import LAW_WORDS
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.resources import choices
+from pareto_ltl.support.resources import CONF
 from pareto_ltl_apps.desk.folder import DeskFolder
 
 GROUPS = (
@@ -145,8 +145,8 @@ def _written(folder: DeskFolder, key: str, value: Any) -> str:
         raise ConfigError(f"{shown_text(key)} is not the name of a setting")
     leaf = _opened(key)
     if leaf is None:
-        if not isinstance(value, str) or value not in choices(key):
-            raise ConfigError(f"{key} must be one of {', '.join(choices(key))}; got {shown_json(value)}")
+        if not isinstance(value, str) or value not in CONF.names(key):
+            raise ConfigError(f"{key} must be one of {', '.join(CONF.names(key))}; got {shown_json(value)}")
         return f"{'+' if key == 'experiment' else ''}{key}={value}"
     _refuse_odd(key, value)
     replace(leaf, key=key).check(value)

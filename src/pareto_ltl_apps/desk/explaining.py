@@ -17,8 +17,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pareto_ltl import Settings
-from pareto_ltl.extend import MissionConfig, disputed_reading, parse_formula, translate
-from pareto_ltl.logic.patterns import formula_of
+from pareto_ltl.extend import MissionConfig, disputed_reading, formula_of, parse_formula, translate
 from pareto_ltl.support.errors import ParetoLtlError
 from pareto_ltl_apps.view.in_words import mission_in_words
 from pareto_ltl_apps.view.page.machine import shown_automaton

@@ -8,12 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import pareto_ltl
 from careful_io.messages import shown_value
 from careful_io.reading import shown_json
-from pareto_ltl import Settings
 from pareto_ltl.support.errors import ConfigError, DataError, NotFoundError
-from pareto_ltl.support.resources import choice_file, choices
-from pareto_ltl.world.scene_settings import scene_from_settings
+from pareto_ltl.support.resources import CONF
 from pareto_ltl_apps.desk.allowed import parted, setting_words
 from pareto_ltl_apps.desk.folder import DeskFolder
 from pareto_ltl_apps.formats.opened_map import opened_features
@@ -72,16 +71,16 @@ def read_map(folder: DeskFolder, name: str, content: bytes, role: str = "") -> d
 def choices_of_desk() -> dict[str, Any]:
     """Names of vehicles, winds, patterns and examples, with their first comment as a note."""
     return {
-        "robot": [_noted("robot", name) for name in choices("robot")],
+        "robot": [_noted("robot", name) for name in CONF.names("robot")],
         "wind": [_noted("wind", name) for name in ("sample", "calm", "noaa", "csv", "netcdf", "grib")],
-        "mission": [_noted("mission", name) for name in choices("mission") if not name.startswith("phi")],
-        "planner": [_noted("planner", name) for name in choices("planner")],
+        "mission": [_noted("mission", name) for name in CONF.names("mission") if not name.startswith("phi")],
+        "planner": [_noted("planner", name) for name in CONF.names("planner")],
         "examples": list(EXAMPLES),
     }
 
 
 def _noted(group: str, name: str) -> dict[str, str]:
-    text = choice_file(group, name).read_text(encoding="utf-8").removeprefix("# @package _global_\n")
+    text = CONF.file(group, name).read_text(encoding="utf-8").removeprefix("# @package _global_\n")
     note = re.match(r"# (.*?)(?=\n[^#]|\Z)", text, re.DOTALL)
     return {"name": name, "note": "" if note is None else " ".join(note[1].replace("\n#", "").split())}
 
@@ -90,8 +89,7 @@ def example_map(name: str) -> dict[str, Any]:
     """A ready map as GeoJSON with roles; NotFoundError if there is no such example."""
     if name not in EXAMPLES:
         raise NotFoundError(f"there is no example {shown_value(name)}; there are {', '.join(EXAMPLES)}")
-    cfg = Settings.of_section("scene", name)
-    scene = scene_from_settings(cfg)
+    scene = pareto_ltl.read_map(name)
     assert scene.crs is not None
     lon, lat = scene.frame.to_geographic(scene.start[None])
     features: list[dict[str, Any]] = [

@@ -14,12 +14,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl.support.extensions import extension_names, known_kind
+from pareto_ltl.support.extensions import EXPORTS
 
 if TYPE_CHECKING:
     from pareto_ltl_apps.exports.exported import ExportedPlan
-
-EXPORT_GROUP = "pareto_ltl.exports"
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,14 +79,14 @@ BRANCH_FILES = (  # of plans that branch, the second pair after a second fix
 
 def format_names() -> tuple[str, ...]:
     """The names of all formats; formats of other packages come last."""
-    return (*FORMATS, *extension_names(EXPORT_GROUP, FORMATS))
+    return (*FORMATS, *EXPORTS.names(FORMATS))
 
 
 def format_named(name: str) -> ExportFormat:
     """The format ``name``; ConfigError if another package's cannot be loaded, KeyError if there is none."""
-    found = known_kind(EXPORT_GROUP, FORMATS, name, lambda loaded: isinstance(loaded, ExportFormat))
+    found = EXPORTS.kind(FORMATS, name, lambda loaded: isinstance(loaded, ExportFormat))
     if name not in FORMATS and found.file in _taken():
-        raise ConfigError(f"{name!r} in {EXPORT_GROUP} writes {found.file}, which is another file of a run")
+        raise ConfigError(f"{name!r} in {EXPORTS.name} writes {found.file}, which is another file of a run")
     return found
 
 
@@ -106,7 +104,7 @@ def _taken() -> frozenset[str]:
 def format_files() -> tuple[str, ...]:
     """The files of all formats; a format of another package that cannot be loaded has none."""
     found = [one.file for one in FORMATS.values()]
-    for name in extension_names(EXPORT_GROUP, FORMATS):
+    for name in EXPORTS.names(FORMATS):
         try:
             found.append(format_named(name).file)
         except ConfigError:  # said when the format is used

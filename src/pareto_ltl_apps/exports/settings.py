@@ -8,7 +8,8 @@ from careful_io.messages import wrong_value
 from flight_quantities.levels import DEPTH, HEIGHT, Level
 from pareto_ltl.extend import CheckedSettings, setting
 from pareto_ltl.support.errors import ConfigError
-from pareto_ltl_apps.exports.kinds import EXPORT_GROUP, FORMATS
+from pareto_ltl.support.extensions import EXPORTS
+from pareto_ltl_apps.exports.kinds import FORMATS
 
 ON_REQUEST = ("f3548", "fpl", "lua")  # formats that are written only if asked for
 HIGHEST = 100_000.0  # limit of the absolute value of an exported height [m]
@@ -23,7 +24,7 @@ class ExportsConfig(CheckedSettings, section="exports", after="deployment"):
         [name for name in FORMATS if name not in ON_REQUEST],
         "formats to write",
         choices=tuple(FORMATS),
-        group=EXPORT_GROUP,
+        group=EXPORTS,
         distinct=True,
     )
     flights: int = setting(

@@ -22,7 +22,7 @@ from typing import Any
 from careful_io.reading import refuse_special
 from careful_io.times import utc_moment
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.extras import require_extra
+from pareto_ltl.support.extras import EXTRAS
 from pareto_ltl_apps.exports.mavlink import NAMES
 from pareto_ltl_apps.flight.airspeeds import Airspeeds
 from pareto_ltl_apps.flight.clocks import StampClock, SteadyClock, VehicleClock
@@ -170,7 +170,7 @@ def _opened(mavutil: Any, path: Path) -> Any:
 
 def _mavutil() -> Any:
     os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads it when a connection is opened
-    require_extra("follow", "MAVLink")
+    EXTRAS.require("follow", "MAVLink")
     from pymavlink import mavutil
 
     mavutil.print = partial(print, file=sys.stderr)  # it prints what it does to the standard output

@@ -34,7 +34,7 @@ from flight_quantities.levels import DEPTH, HEIGHT, PRESSURE, Level, level_list,
 from pareto_ltl.extend import GeoBox, NodeAir, Snapshot
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.extras import missing_extra
+from pareto_ltl.support.extras import EXTRAS
 from pareto_ltl.support.file_formats import wind_file
 from pareto_ltl.support.levels import wind_level
 from pareto_ltl_apps.formats.flow_components import SPEED, TEMPERATURE, U
@@ -457,7 +457,7 @@ def _grib_messages(file: Path) -> Iterator[Iterator[Message]]:
         import cfgrib
         import eccodes
     except (ImportError, RuntimeError):
-        raise DataError(missing_extra("grib", f"reading GRIB ({file})")) from None
+        raise DataError(EXTRAS.missing("grib", f"reading GRIB ({file})")) from None
     with wind_file(file, "GRIB", eccodes.CodesInternalError), suppress(EOFError):  # EOFError: no message
         with file.open("rb") as stream:
             check_frames(file, stream)

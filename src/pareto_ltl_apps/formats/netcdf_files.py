@@ -21,7 +21,7 @@ from flight_quantities.levels import DEPTH, PRESSURE, Level, level_list
 from pareto_ltl.extend import GeoBox
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.extras import require_extra
+from pareto_ltl.support.extras import EXTRAS
 from pareto_ltl.support.file_formats import HDF5, format_of, wind_file
 from pareto_ltl_apps.formats.cf_air import AirArray, surface_pressure_of, temperature_of
 from pareto_ltl_apps.formats.cf_directions import with_projection
@@ -158,7 +158,7 @@ def _with_values(found: Iterator[GridWind], notes: dict[str, None]) -> list[Grid
 @contextmanager
 def _open_dataset(path: Path) -> Iterator[xr.Dataset]:
     """In the block, the open file; errors of the libraries become a DataError in one line."""
-    require_extra("netcdf", f"reading NetCDF ({path})")
+    EXTRAS.require("netcdf", f"reading NetCDF ({path})")
     import cf_xarray  # noqa: F401 - the accessor ``cf`` of coordinates
     import xarray as xr
 

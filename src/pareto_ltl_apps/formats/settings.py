@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from careful_io.messages import wrong_value
+from declared_settings import are_pairs
 from pareto_ltl.extend import CheckedSettings, check_time, setting
-from pareto_ltl.settings.checks import are_pairs
 
 
 def check_outline(key: str, value: Any) -> None:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from careful_io.fingerprints import code_fingerprint
 from pareto_ltl.support.errors import ConfigError, DataError
-from pareto_ltl.support.extras import require_extra
+from pareto_ltl.support.extras import EXTRAS
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -43,7 +43,7 @@ def connected(address: str) -> Iterator[Client]:
     ConfigError
         If the extra is missing, nothing answers, or a worker has several threads.
     """
-    require_extra("dask", "a cluster of Dask")
+    EXTRAS.require("dask", "a cluster of Dask")
     from distributed import Client
 
     try:

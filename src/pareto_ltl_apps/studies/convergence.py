@@ -168,7 +168,7 @@ def hypervolumes(results: Sequence[Mapping[str, Any]]) -> FloatArray:
     path of any seed. The logarithm does not change which path dominates which, and makes a decrease
     from 1e-2 to 1e-4 visible.
     """
-    from pareto_ltl.planning.selection import hypervolume
+    from pareto_ltl.extend import hypervolume
 
     lengths = [row[1] for r in results for look in r["looks"] if look["planned"] for row in look["front"]]
     volumes = np.zeros((len(results), len(results[0]["looks"])))

@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from careful_io.messages import shown_value, wrong_value
+from declared_settings import SEEDS
 from pareto_ltl.extend import CheckedSettings, FidelityConfig, WindConfig, check_time, setting
-from pareto_ltl.settings.checks import SEEDS
 from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.levels import wind_level
 from pareto_ltl_apps.formats.settings import check_outline

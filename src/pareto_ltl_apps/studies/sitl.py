@@ -21,7 +21,7 @@ from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.simulation import flights
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import DataError
-from pareto_ltl.support.extras import require_extra
+from pareto_ltl.support.extras import EXTRAS
 from pareto_ltl.support.seeds import stage_seeds, unspawned
 from pareto_ltl_apps.exports.kinds import FORMATS
 from pareto_ltl_apps.studies import aircraft as jsbsim
@@ -67,7 +67,7 @@ def run_sitl(settings: Settings, world: Run, place: Path, progress: Progress = N
         If the plan was not exported as a dead-reckoning table, or the robot has feedback.
     """
     cfg, problem, plan = settings[SitlConfig], world.problem, world.plan
-    require_extra("sim", "a flight in JSBSim")
+    EXTRAS.require("sim", "a flight in JSBSim")
     table = place / TABLE
     if not table.is_file():
         raise DataError(

@@ -12,7 +12,7 @@ from importlib import import_module
 
 from pareto_ltl.planning.cost import COSTS, Cost
 from pareto_ltl.settings.planner import ALWAYS_COSTS, FURTHER_COSTS
-from pareto_ltl.support.extensions import COST_GROUP, extension_names, known_kind
+from pareto_ltl.support import extensions
 
 for _name in (*ALWAYS_COSTS, *FURTHER_COSTS):
     import_module(f"{__name__}.{_name}")
@@ -20,8 +20,8 @@ ALWAYS = tuple(COSTS[name] for name in ALWAYS_COSTS)
 
 
 def cost_named(name: str) -> Cost:
-    """The cost ``name``, of this package or of another; errors as in ``known_kind``."""
-    return known_kind(COST_GROUP, COSTS, name, lambda loaded: isinstance(loaded, Cost))
+    """The cost ``name``, of this package or of another; errors as in ``Group.kind``."""
+    return extensions.COSTS.kind(COSTS, name, lambda loaded: isinstance(loaded, Cost))
 
 
 def costs_with(names: Iterable[str]) -> tuple[Cost, ...]:
@@ -31,4 +31,4 @@ def costs_with(names: Iterable[str]) -> tuple[Cost, ...]:
 
 def known_costs() -> tuple[Cost, ...]:
     """All costs, also of other packages."""
-    return tuple(map(cost_named, (*COSTS, *extension_names(COST_GROUP, COSTS))))
+    return tuple(map(cost_named, (*COSTS, *extensions.COSTS.names(COSTS))))
