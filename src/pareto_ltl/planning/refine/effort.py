@@ -58,6 +58,7 @@ class Effort:
 
     # --- sweep of the length cap ---
     spacing: float = 1.03  # ratio of neighbouring caps
+    last_spacing: float = 1.03  # largest ratio of the shortest cap that paths satisfy to the next
     longer: float = 1.08  # ratio of the caps beyond the longest that pays
     within: float = 1.002  # a path may exceed its cap by this factor: polishes meet caps by a penalty
     shorten: float = 1.3  # paths up to this many times as long as the cap are shortened to it
