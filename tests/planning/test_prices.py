@@ -179,3 +179,21 @@ def test_no_barriers_have_no_limits_and_certain_flights_no_prices(planned):
     limits, listed = prices.limits_of(bare, path, [np.repeat(path.x[None], 50, axis=0)])
     assert limits is None
     assert listed == ()
+
+
+@pytest.mark.parametrize(("widths", "shown"), [(0.5, True), (7.0, False)])
+def test_flights_far_from_every_limit_give_no_price(widths, shown):
+    """All of 4,000 flights pass an obstacle at the same distance of so many widths τ."""
+    scene = make_scene({"a": box(15, 8, 19, 12)}, [box(8, 0, 12, 9)], start=(2.0, 10.0))
+    problem = make_problem(
+        "F a", scene, smooth_wind(scene, speed=0.0, sd=0.1), RobotConfig(dt=100.0, u_max=12.0),
+        PlannerConfig(epsilon=None), fidelity=preset("full"),
+    )  # fmt: skip
+    tau = prices.WIDTH * float(np.ptp(scene.bounds, axis=0).mean())
+    y = 9_000.0 + widths * tau
+    x = np.column_stack([np.linspace(2_000.0, 17_000.0, 16), np.full(16, y)])
+    path = completing_path(problem, x, "straight")
+    rng = np.random.default_rng(5)
+    positions = path.x + rng.normal(0.0, 0.05 * tau, (4000, 1, 2))
+    _, listed = prices.limits_of(problem, path, np.split(positions, 4))
+    assert ({price.kind for price in listed} == {"obstacle"}) is shown

@@ -17,9 +17,10 @@ from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.programme import Descent
 from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Refiner
+from pareto_ltl.planning.refine.separation import chance_along
 from pareto_ltl.planning.routes.taut_lines import CAP, FACE_MARGIN
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
-from pareto_ltl.settings import RobotConfig
+from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.support.arrays import FloatArray
 from problems import along, box, make_problem, make_scene, smooth_wind, steady_wind
 from solves import next_means
@@ -189,7 +190,9 @@ class PlainRefiner(ConstrainedRefiner):
 def test_a_descent_takes_the_plain_decisions(robot: str, number: int, rel: float) -> None:
     """Their gains are alike: programmes have flat directions, along which solutions of equal cost differ."""
     settings, wind = ROBOTS[robot]
-    problem = make_problem("F a", SCENE, wind, replace(settings, start_sd=400.0), fidelity="full")
+    planner = PlannerConfig(epsilon=None)  # a penalty in one, a constraint in the other
+    robot = replace(settings, start_sd=400.0)
+    problem = make_problem("F a", SCENE, wind, robot, planner, fidelity="full")
     flights, width, longest = draw_flights(problem, "coherent", 120, SeedSequence(1)), 300.0, 15_800.0
     model = margin_model(problem)
     ends = []
@@ -198,7 +201,8 @@ def test_a_descent_takes_the_plain_decisions(robot: str, number: int, rel: float
         off = flights.deviations(flight)
         here, _ = refiner.slope(flight.x, off, width, 150)
         sample = Sample(off, width, 120 / 150, 0.0, here.value)
-        end = refiner.descended(flight, here, sample, Solves(number, TRUST, longest))
+        solves = Solves(number, TRUST, longest, chance_along(problem, flight))
+        end = refiner.descended(flight, here, sample, solves)
         value = refiner.slope(end.x, off, width, 150)[0].value
         ends.append((end, value))
         assert value < 0.95 * here.value

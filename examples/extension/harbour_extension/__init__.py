@@ -49,22 +49,12 @@ def read_steady(cfg: WindConfig, wanted):
     """5 m/s towards the east with noise of 1 m/s, at 49 places every six hours of 9 October 2018."""
     import numpy as np
 
-    from careful_io.times import seconds
     from pareto_ltl import Readings
 
     places = np.array([[lon, lat] for lon in range(-96, -88, 1) for lat in range(34, 41)], float)
-    times = seconds("2018-10-09T00:00:00Z") + 3600.0 * np.arange(0, 49, 6)
+    times = [f"2018-10-{9 + hour // 24:02}T{hour % 24:02}:00:00Z" for hour in range(0, 49, 6)]
     noise = np.random.default_rng(0).standard_normal((len(times), len(places), 2))
-    return Readings(
-        times=times,
-        points=tuple(places for _ in times),
-        winds=tuple(np.array([5.0, 0.0]) + noise),
-        geographic=True,
-        files=(),
-        remarks=("steady wind",) * len(times),
-        origins=((),) * len(times),
-        leads=np.zeros(len(times)),
-    )
+    return Readings.of_arrays(times, places, np.array([5.0, 0.0]) + noise, leads=np.zeros(len(times)))
 
 
 def _steady_wind():

@@ -14,6 +14,7 @@ import math
 from typing import NamedTuple
 
 from pareto_ltl.kernels.attraction import attract
+from pareto_ltl.kernels.chance import Chance, add_breach
 from pareto_ltl.kernels.data import CoherentLaw, IndependentLaw, LandmarkLaw, Law
 from pareto_ltl.kernels.interpolation import wind_slopes
 from pareto_ltl.kernels.motion import least_airspeed
@@ -64,11 +65,15 @@ class Sample(NamedTuple):
 
 
 class Solves(NamedTuple):
-    """At most ``number`` solves, a first ``trust`` region [full steps], paths up to ``longest`` [m]."""
+    """At most ``number`` solves, with a first ``trust`` region [full steps].
+
+    Paths are up to ``longest`` [m] and keep the ``chance`` constraint, both by penalties.
+    """
 
     number: int
     trust: float
     longest: float
+    chance: Chance
 
 
 class Guess(NamedTuple):
@@ -109,10 +114,12 @@ def _lure(law: LandmarkLaw, x: FloatArray, sample: Sample, slope: Slope, legs: I
 
 
 @kernel
-def assess(law: Law, margin: MarginModel, sample: Sample, guess: Guess, memory: Memory) -> float:
-    """The objective of a path: its smoothed failure and the attraction of landmarks; fills its slope.
+def assess(
+    law: Law, margin: MarginModel, chance: Chance, sample: Sample, guess: Guess, memory: Memory
+) -> float:
+    """The objective of a path: its smoothed failure and what :func:`penalties` adds; fills its slope.
 
-    Eqs. (M54), (M55) and (M75) of docs/mathematics_methods.md.
+    Eqs. (M54) and (M55) of docs/mathematics_methods.md.
     """
     slope, x = guess.slope, guess.flight.x
     slope.gradient[:] = 0.0
@@ -123,7 +130,18 @@ def assess(law: Law, margin: MarginModel, sample: Sample, guess: Guess, memory: 
             slope.gradient[t, c] *= sample.share
         for c in range(3):
             slope.hessian[t, c] *= sample.share
-    return max(sample.share * failed, LEAST_VALUE) + add_lure(law, x, sample, slope, memory.legs)
+    failed = max(sample.share * failed, LEAST_VALUE)
+    return failed + penalties(law, chance, sample, guess, memory)
+
+
+@kernel
+def penalties(law: Law, chance: Chance, sample: Sample, guess: Guess, memory: Memory) -> float:
+    """The attraction of landmarks, and of segments that break epsilon; their derivatives are added.
+
+    Eqs. (M75) and (M82) of docs/mathematics_methods.md.
+    """
+    lure = add_lure(law, guess.flight.x, sample, guess.slope, memory.legs)
+    return lure + add_breach(chance, guess.flight, guess.slope)
 
 
 @kernel
@@ -260,7 +278,7 @@ def descend(
 ) -> int:  # fmt: skip
     """Lower the failure of ``first``, whose flight is filled; returns 0 if it has the result, else 1."""
     here, there, at, trust = first, second, 0, solves.trust
-    here_is = sample.begun + add_lure(law, here.flight.x, sample, here.slope, memory.legs)
+    here_is = sample.begun + penalties(law, solves.chance, sample, here, memory)
     value = here_is + overlong(here.flight.x, solves.longest)
     for _ in range(solves.number):
         cap = max(solves.longest, SHORTENED * length(here.flight.x))
@@ -268,7 +286,7 @@ def descend(
             trust *= NARROWER
             continue
         fly_within(law, limits, there.flight)
-        there_is = assess(law, margin, sample, there, memory)
+        there_is = assess(law, margin, solves.chance, sample, there, memory)
         now = there_is + overlong(there.flight.x, solves.longest)
         if now < value:
             gain = (value - now) / value

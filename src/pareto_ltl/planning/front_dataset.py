@@ -13,7 +13,8 @@ from pareto_ltl.support.arrays import FloatArray
 if TYPE_CHECKING:
     import xarray as xr
 
-UNITS = {"_m": "m", "_s": "s", "_j": "J"}  # by the ends of the columns of front.csv
+# by the ends of the columns of front.csv
+UNITS = {"_m": "m", "_s": "s", "_j": "J", "_deg": "degree", "_rad": "rad"}
 
 
 def front_dataset(front: Front) -> xr.Dataset:

@@ -26,12 +26,14 @@ class WindSource:
     Attributes
     ----------
     read : callable
-        Returns checked :class:`Readings` for the settings of the wind and the wanted part; raises a
-        DataError if a file is not valid.
+        Returns :class:`Readings` for the settings of the wind and the wanted part, as
+        :meth:`Readings.of_arrays` or :func:`read_wind` makes them; raises a DataError if a file is not
+        valid.
     files : callable
         The files that ``read`` opens, for the records of a run; raises a DataError if there are none.
     forecast_error : str
-        The value of ``wind.forecast_error=auto``, if the readings do not state their model.
+        The value of ``wind.forecast_error=auto``, if the readings do not state their model: ``none`` for
+        a wind that has no forecast's errors, such as one from a formula.
     modelled : bool
         The readings are fields of a weather model, whose age and analyses count; not observations. The
         packaged sample has analyses of one day only.

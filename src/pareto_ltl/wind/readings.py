@@ -104,7 +104,8 @@ class Readings(Displayed):
         winds : (K, N, 2) float
             Towards east and north, or towards x and y [m/s].
         geographic : bool
-            False for x and y.
+            False for x and y in the plane of the map, as in ``scene.json``: metres from ``scene.centre``, the
+            middle of the bounds, where the map has one; else from the origin of its coordinates.
         level : str
             Height of the wind, or depth of the current, as in ``wind.level``.
         leads : (K,) float, optional

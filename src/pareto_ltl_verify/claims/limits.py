@@ -229,8 +229,8 @@ def error_fault(result: Evidence, row: Mapping[str, Any]) -> str:
     if "error" not in row or least <= row["error"] <= largest:
         return ""
     if row["error"] < least:
-        (now, moved), runs = COUNTS[row["kind"]](result, row, (0.0, NEAR * width))
-        if row["error"] >= 0.5 * price / np.sqrt(max(PRICED / runs * abs(moved - now), 1.0)):
+        (inner, outer), runs = COUNTS[row["kind"]](result, row, (-NEAR * width, NEAR * width))
+        if row["error"] >= 0.5 * price / np.sqrt(max(PRICED / runs * abs(outer - inner), 1.0)):
             return ""
     return f"error {row['error']:.3g} a metre, expected about {expected:.3g}"
 

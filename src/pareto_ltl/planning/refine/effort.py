@@ -35,7 +35,7 @@ class Effort:
     between: Passes = (0.003, 0.002), 4  # the last polish of a point between two of a front
     finest: Passes = (0.002,), 4
     closing: Passes = (0.002,), 1  # within the chance constraints, by a general solver
-    nearer: Passes = (0.002,), 12  # the same on few flights, where a segment breaks epsilon
+    nearer: Passes = (0.002,), 12  # the same on few flights, where no path keeps epsilon
 
     # --- starts ---
     distances: tuple[float, ...] = (2.6, 1.4, 0.8, 0.0)  # of taut lines from obstacles [standard deviations]
@@ -58,6 +58,7 @@ class Effort:
 
     # --- sweep of the length cap ---
     spacing: float = 1.03  # ratio of neighbouring caps
+    last_spacing: float = 1.03  # largest ratio of the shortest cap that paths satisfy to the next
     longer: float = 1.08  # ratio of the caps beyond the longest that pays
     within: float = 1.002  # a path may exceed its cap by this factor: polishes meet caps by a penalty
     shorten: float = 1.3  # paths up to this many times as long as the cap are shortened to it
@@ -76,13 +77,6 @@ class Effort:
     economic: int = 8  # points of a front, at most, that are tried at lower airspeeds
     economic_steps: tuple[float, ...] = (1.2, 1.45, 1.75)  # factors on their steps, where energy may be saved
     repairs: tuple[int, ...] = (0, 1, 2, 4)  # steps added to a path that cannot be flown
-
-    # --- epsilon: the sweeps do not see it, see ConstrainedRefiner ---
-    nearer_lengths: tuple[float, ...] = (1.0, 1.05, 1.2)  # factors, in turn while a segment breaks epsilon
-    within_reach: float = 20.0  # excess above which a path is not made to keep it: a segment at 3 epsilon
-    epsilon_rounds: int = 3  # where no path keeps it: rounds of variants,
-    epsilon_paths: int = 4  # paths that are varied in each,
-    epsilon_variants: int = 12  # and variants that are polished within the chance constraints
 
     # --- what is left of a time budget ---
     varied: int = 4  # points of a front that are varied between two reports

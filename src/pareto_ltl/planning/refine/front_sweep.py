@@ -27,7 +27,6 @@ read at the steps.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -43,14 +42,14 @@ from pareto_ltl.planning.problem import Problem, with_merged_steps
 from pareto_ltl.planning.records import Forest, PlannedPath
 from pareto_ltl.planning.refine import last_polish
 from pareto_ltl.planning.refine.effort import Effort
-from pareto_ltl.planning.refine.levels import first_look, looks, swept_down
+from pareto_ltl.planning.refine.levels import looks, swept_down
 from pareto_ltl.planning.refine.sampled import Candidate, divided
+from pareto_ltl.planning.refine.separation import excess
 from pareto_ltl.planning.refine.starts import (
     Start,
     StartKind,
     first_starts,
     flipped_starts,
-    led_starts,
     retimed_means,
     tree_starts,
     unlike_starts,
@@ -89,51 +88,23 @@ def sampled_paths(
 def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Candidate, Candidate]]:
     """What the search finds, each path before and after its last solve (``closed``).
 
-    Where no path keeps epsilon, it is repeated among paths that are near it: in an order or on a side of
-    an obstacle where flights fail more often. At last the paths nearest to epsilon are varied.
+    Where none keeps epsilon, more solves within the chance constraints bring all nearer to it.
     """
-    effort, seen, known = sweep.effort, list[Candidate](), list[Candidate]()
+    seen, known = list[Candidate](), list[Candidate]()
     for scout in scouts(sweep):
         seen = scout.compared(seen) if seen else looks(scout, starts)
         known += _compared(sweep, scout, swept(scout, seen))
-    ended = _ended(sweep, finished(sweep, known))
-    if not _keep_epsilon(sweep, ended):
-        near = replace(sweep, most_excess=effort.within_reach)
-        ended += _ended(sweep, searched(near, near.near_epsilon(seen)))
-    for _ in range(effort.epsilon_rounds):
-        if sweep.budget.over() or _keep_epsilon(sweep, ended):
-            break
-        ended += _ended(sweep, _beside(sweep, [end for _, end in ended]))
-    return ended
+    found = finished(sweep, known)
+    ended = on_all_cores(partial(last_polish.closed, sweep), found)
+    if all(excess(sweep.problem, end.flight).any() for end in ended):
+        ended = on_all_cores(partial(last_polish.nearer, sweep), ended)
+    return list(zip(found, ended, strict=True))
 
 
 def _compared(sweep: Sweep, scout: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
     """The front of what a scout has ``found``, and the best of each class, by the flights of ``sweep``."""
     chosen = {id(k): k for k in (*front_of(found), *scout.best_of_classes(found, more=sweep.effort.compared))}
     return on_all_cores(partial(sweep.reassessed, flights=sweep.flights), chosen.values())
-
-
-def _keep_epsilon(sweep: Sweep, ended: Iterable[tuple[Candidate, Candidate]]) -> bool:
-    """Whether a path keeps epsilon in every segment after its last solve."""
-    return any(sweep.excess(end.flight) == 0.0 for _, end in ended)
-
-
-def _beside(sweep: Sweep, ended: Iterable[Candidate]) -> list[Candidate]:
-    """The paths nearest to epsilon, led past an obstacle on its other side or through a landmark.
-
-    Each is polished cheaply; those nearest to epsilon are returned.
-    """
-    problem = sweep.problem
-
-    def nearest(k: Candidate) -> float:
-        return sweep.excess(k.flight)
-
-    best = sorted(ended, key=nearest)[: sweep.effort.epsilon_paths]
-    led = [start for k in best for start in led_starts(problem, k.flight, k.origin)]
-    led += [start for k in best for start in flipped_starts(problem, k.flight.x, k.origin)]
-    starts = unlike_starts(problem, led).values()
-    made = sweep.in_time(partial(first_look, sweep), starts, share=1.0)
-    return sorted(made, key=nearest)[: sweep.effort.epsilon_variants]
 
 
 def scouts(sweep: Sweep) -> Iterator[Sweep]:
@@ -150,11 +121,6 @@ def scouts(sweep: Sweep) -> Iterator[Sweep]:
         yield replace(sweep, few=few, budget=budget, before=SCOUT_STEPS * k)
 
 
-def _ended(sweep: Sweep, found: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]]:
-    """Those ``found``, each before and after its last solve."""
-    return list(zip(found, on_all_cores(partial(last_polish.closed, sweep), found), strict=True))
-
-
 def _paths_of(
     sweep: Sweep, ended: Sequence[tuple[Candidate, Candidate]],
     mended: Callable[[Candidate], Iterable[Candidate]],
@@ -167,11 +133,6 @@ def _paths_of(
         yield from mended(k)
 
     return last_polish.planned_paths(sweep.problem, [end for _, end in ended], repairs)
-
-
-def searched(sweep: Sweep, seen: Sequence[Candidate]) -> list[Candidate]:
-    """What one sweep with the flights of ``sweep`` finds from the paths ``seen``, polished on all flights."""
-    return finished(sweep, _compared(sweep, sweep, swept(sweep, seen)))
 
 
 def swept(scout: Sweep, seen: Sequence[Candidate]) -> list[Candidate]:
@@ -294,7 +255,7 @@ def in_all_steps(sweep: Sweep, times: int, ended: tuple[Candidate, Candidate]) -
     begun, end = (_divided(sweep, times, k) for k in ended)
     how = sweep.polish_of(sweep.effort.finest)
     flight = sweep.refiner.polished(end.flight.x, sweep.flights, how, end.length)
-    if sweep.closing.penalty(flight, math.inf) <= 0.0:
+    if not excess(sweep.problem, flight).any():
         end = replace(end, flight=flight, length=length_of(flight.x))
     return begun, end
 

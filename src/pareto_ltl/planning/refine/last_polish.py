@@ -106,19 +106,17 @@ def _rarely_fails(sweep: Sweep, k: Candidate) -> bool:
 
 
 def closed(sweep: Sweep, k: Candidate) -> Candidate:
-    """``k`` after the last solve, by the convex programme; its failures are those before.
-
-    Where a segment breaks epsilon, more solves on few flights, and longer paths, come before the last one.
-    """
-    effort, closing = sweep.effort, sweep.closing
+    """``k`` after the last solve, by the convex programme; its failures are those before."""
     flights = (sweep.many() if _rarely_fails(sweep, k) else sweep.flights).exact()
-    last, more = sweep.polish_of(effort.closing), sweep.polish_of(effort.nearer)
-    end = closing.polished(k.flight.x, flights, last, k.length)
-    for longer in effort.nearer_lengths:
-        if not 0.0 < sweep.excess(end) <= effort.within_reach:
-            break
-        near = closing.polished(end.x, sweep.few, more, longer * length_of(end.x))
-        end = closing.polished(near.x, flights, last, length_of(near.x))
+    end = sweep.closing.polished(k.flight.x, flights, sweep.polish_of(sweep.effort.closing), k.length)
+    return replace(k, flight=end, length=length_of(end.x), kind=None)
+
+
+def nearer(sweep: Sweep, k: Candidate) -> Candidate:
+    """``k`` after more solves within the chance constraints, a little longer where that brings it nearer."""
+    effort = sweep.effort
+    how, longest = sweep.polish_of(effort.nearer), effort.lengthened * k.length
+    end = sweep.closing.polished(k.flight.x, sweep.few, how, longest)
     return replace(k, flight=end, length=length_of(end.x), kind=None)
 
 

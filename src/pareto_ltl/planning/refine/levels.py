@@ -6,6 +6,7 @@ classes of paths at falling caps.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from itertools import chain
@@ -109,22 +110,30 @@ def first_look(sweep: Sweep, start: Start) -> Candidate:
 
 
 def swept_down(sweep: Sweep, seen: Sequence[Candidate]) -> list[list[Candidate]]:
-    """The best classes at falling caps, from the longest length that pays."""
+    """The best classes at falling caps, from the longest length that pays.
+
+    From the last cap that paths satisfy, they fall again, more slowly: a coarse search finds the shortest
+    paths as well.
+    """
     seen = [k for k in seen if k.smoothed < sweep.hopeless]
     if not seen:
         return []
-    effort = sweep.effort
+    effort, spacing = sweep.effort, sweep.effort.spacing
     cap, levels = _longer_levels(sweep, seen, _longest_worth(effort, seen))
     cap, beam = effort.within * cap, list[Candidate]()
     known, shortest = [*seen, *chain(*levels)], min(k.length for k in seen)
     while (beam or cap >= shortest) and not sweep.over:
-        entering = [k for k in known if cap / effort.spacing < k.length <= cap]
+        entering = [k for k in known if cap / spacing < k.length <= cap]
         begun = [*beam, *sweep.best_of_classes(entering)]
         spare = effort.spare_steps
         lines = [line for k in begun for line in timed_lines(sweep, k, spare, slower=k is begun[0])]
-        beam = sweep.best_of_classes(sweep.held_within(lines, effort.sweep, cap))
-        levels.append(beam)
-        cap /= effort.spacing
+        held = sweep.best_of_classes(sweep.held_within(lines, effort.sweep, cap))
+        levels.append(held)
+        if beam and not held and spacing > effort.last_spacing:
+            cap, spacing = cap * spacing, math.sqrt(spacing)
+        else:
+            beam = held
+        cap /= spacing
     return levels
 
 

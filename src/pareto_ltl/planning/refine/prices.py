@@ -39,6 +39,7 @@ from plane_logic import margin as km
 from plane_logic.margin_events import NOWHERE, MarginModel, Scratch
 
 WIDTH = 0.001  # τ as a share of the map's size: half the last width of a polish, with more flights
+AFAR = 4.0  # [τ] a flight farther from its limit weighs less than a tenth of one that just fails
 TRUST = 0.5  # trust region of the programme about the path [full steps]
 LEAST_SHARE = 0.01  # prices below this share of the largest of their kind are left out
 MAX_STEPS = 400  # of a path: for 1,300 steps the convex programme needs 8 GiB
@@ -49,12 +50,16 @@ LOG = logging.getLogger(__name__)
 
 
 class Binding(NamedTuple):
-    """What binds in flights: the kind and the name of a limit, the step, and the saving per metre [1/m]."""
+    """What binds in flights: the kind and the name of a limit, the step, and the saving per metre [1/m].
+
+    ``afar`` is the part of the saving that flights farther than ``AFAR`` τ from the limit make up.
+    """
 
     kind: str
     name: str
     step: int | None
     saving: float
+    afar: float = 0.0
 
 
 def limits_of(
@@ -76,8 +81,14 @@ def limits_of(
         flights += len(positions)
     prices = _priced([[row for row in rows if row.kind not in LIMITS] for rows in found])
     # a price p is the density of the margins at 0, and 6 n τ p the effective number of flights in it: below
-    # one it is the tail of the smoothing, not a property of the flights
-    near = [price for price in prices if 6.0 * flights * _width(problem) * price.saving >= 1.0]
+    # one, or where most of it is of flights afar, it is the tail of the smoothing, not a property of flights
+    least, afar = 1.0 / (6.0 * flights * _width(problem)), defaultdict[tuple[str, str], float](float)
+    for row in chain(*found):
+        afar[row.kind, row.name] += row.afar / len(found)
+    near = [
+        price for price in prices
+        if price.saving >= least and 2.0 * afar[price.kind, price.name] <= price.saving
+    ]  # fmt: skip
     if limits is not None:
         barriers = {price.name for price in near if price.kind in ("obstacle", "border")}
         for row in chain(*found):
@@ -145,21 +156,28 @@ def _bindings(
     fails = expit(-scratch.margins / width)
     weight = fails * (1.0 - fails) / (width * len(positions))
     counted = weight > 1e-6 * weight.max(initial=0.0)
+    beyond = np.where(np.abs(scratch.margins) > AFAR * width, weight, 0.0)
     at_barrier = np.flatnonzero(counted & (scratch.met.t != NOWHERE))
     met = _barriers_met(problem, positions, scratch, at_barrier)
     names = barrier_names(problem)
-    for (k, t), saving in _totals(met, scratch.met.t[at_barrier], weight[at_barrier]):
-        yield Binding(_kind_of(names[k]), names[k], t, saving)
+    for (k, t), saving, afar in _totals(
+        met, scratch.met.t[at_barrier], weight[at_barrier], beyond[at_barrier]
+    ):
+        yield Binding(_kind_of(names[k]), names[k], t, saving, afar)
     others = np.flatnonzero(counted & (scratch.met.t == NOWHERE) & (scratch.event != NOWHERE))
-    for (number, _), saving in _totals(scratch.event[others], 0 * others, weight[others]):
-        yield _mission_binding(problem, model, number, saving)
+    for (number, _), saving, afar in _totals(
+        scratch.event[others], 0 * others, weight[others], beyond[others]
+    ):
+        yield _mission_binding(problem, model, number, saving)._replace(afar=afar)
 
 
-def _totals(first: IntArray, second: IntArray, weight: FloatArray) -> Iterator[tuple[tuple[int, int], float]]:
-    """The sum of the weights of each pair."""
+def _totals(
+    first: IntArray, second: IntArray, *weights: FloatArray
+) -> Iterator[tuple[tuple[int, int], float, float]]:
+    """The sums of both weights of each pair."""
     pairs, row = np.unique(np.column_stack([first, second]), axis=0, return_inverse=True)
-    sums = np.bincount(row.ravel(), weights=weight, minlength=len(pairs))
-    yield from zip(map(tuple, pairs.tolist()), sums.tolist(), strict=True)
+    sums = (np.bincount(row.ravel(), weights=one, minlength=len(pairs)).tolist() for one in weights)
+    yield from zip(map(tuple, pairs.tolist()), *sums, strict=True)
 
 
 def _barriers_met(problem: Problem, positions: FloatArray, scratch: Scratch, rows: IntArray) -> IntArray:

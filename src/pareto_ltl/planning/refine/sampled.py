@@ -33,14 +33,16 @@ from pareto_ltl.planning.evaluate import (
 from pareto_ltl.planning.margin_model import margin_scratch, model_of_order, nearest_order, ordered
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.programme import Descent, path_limits, programme_for, step_memory
-from pareto_ltl.planning.refine.separation import ROUNDING, allowed_risk, separation
+from pareto_ltl.planning.refine.separation import chance_along, excess
 from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, length_of
 from plane_logic import margin as km
 from plane_logic.margin_events import MarginModel
 
-EXCESS = 10.0  # penalty per relative risk of a segment above epsilon
+EXCESS = 10.0  # penalty per relative excess of a segment over epsilon
+MENDED = 0.05  # excess that the last solve mends
+HALF = 0.2  # excess that counts as much as one flight in two that fails
 COUNTED = 8.0  # widths: a flight with a larger margin counts for less than 3e-4
 FINER = 8  # parts of a leg in which letters are looked for that no step reads
 ALL = 0.9  # if more than this share of the flights counts, all are retained: copying winds takes longer
@@ -89,7 +91,8 @@ class Polish:
 class Candidate:
     """A path after polishing: its flight, length [m], smoothed failure and failure rate on its flights.
 
-    ``kind`` is its class, None where that is not known.
+    ``kind`` is its class, None where that is not known. ``breach`` in [0, 1) is the part of ``smoothed`` that
+    stands for segments which exceed epsilon; 0 if the path keeps it, or will after its last solve.
     """
 
     flight: Flight
@@ -98,6 +101,7 @@ class Candidate:
     failed: float
     origin: str = ""
     kind: PathClass | None = None
+    breach: float = 0.0
 
     @property
     def steps(self) -> int:
@@ -196,13 +200,17 @@ class Refiner:
     def assessed(self, flight: Flight, flights: CommonFlights, width: float, origin: str = "") -> Candidate:
         """``flight`` as it is, with its failure smoothed over ``width`` [m].
 
-        Flights that need more energy than the robot has fail; the solves do not see them.
+        Flights that need more energy than the robot has fail; the solves do not see them. What the
+        worst segment exceeds epsilon by is added to the smoothed failure, unless the last solve can mend it.
         """
         here, margins = self.slope(flight.x, flights.deviations(flight), width, len(flights))
         failed, kind = margins < 0.0, path_class(self.problem, flight.x)
         landed = float((flights.exhausted(flight) & ~failed).mean())
+        above = max(float(excess(self.problem, flight).max()) - MENDED, 0.0)
+        breach = above / (above + HALF)
+        smoothed = here.value + landed + breach
         return Candidate(
-            flight, length_of(flight.x), here.value + landed, float(failed.mean()) + landed, origin, kind
+            flight, length_of(flight.x), smoothed, float(failed.mean()) + landed, origin, kind, breach
         )
 
     def _at_width(
@@ -221,7 +229,8 @@ class Refiner:
             off, near = np.ascontiguousarray(off[:, :, rows]), near.only(rows)
         worth = self.worth_of_fixes(flight, near, here, width, runs)
         sample = kd.Sample(off, width, off.shape[2] / runs, worth, here.value)
-        return self.descended(flight, here, sample, kd.Solves(how.inner, how.trust, longest)), near
+        solves = kd.Solves(how.inner, how.trust, longest, chance_along(self.problem, flight))
+        return self.descended(flight, here, sample, solves), near
 
     def descended(self, flight: Flight, here: Descent, sample: kd.Sample, solves: kd.Solves) -> Flight:
         """The flight after the solves at one width, whose deviations do not change.
@@ -289,9 +298,8 @@ class ConstrainedRefiner(Refiner):
 
         These are the length above ``longest`` [m], and risks of segments above epsilon, relative to it.
         """
-        risk, limit = separation(self.problem, flight).risk, allowed_risk(self.problem)
-        above = np.maximum(risk / limit - 1.0 - ROUNDING, 0.0).sum()
-        return kd.OVERLONG * max(0.0, length_of(flight.x) / longest - 1.0) + EXCESS * float(above)
+        overlong = max(0.0, length_of(flight.x) / longest - 1.0)
+        return kd.OVERLONG * overlong + EXCESS * float(excess(self.problem, flight).sum())
 
 
 def divided(x: FloatArray, parts: int) -> FloatArray:

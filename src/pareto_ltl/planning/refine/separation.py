@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from careful_io.texts import distance_text, probability_text, round_up
+from pareto_ltl.kernels.chance import Chance
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.limits import WorstSegment
@@ -24,11 +25,12 @@ from pareto_ltl.planning.routes.obligations import face_deviations, path_obligat
 from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray
 from plane_kernels import types as kd
+from plane_kernels.supporting_lines import SegmentLines
 
 LOG = logging.getLogger(__name__)
 
 ROWS = 2  # lines of a segment in a programme, the closest ones (3 take half as long again)
-ALIKE = 0.02  # relative difference of two risks of a segment that does not decide which path is nearer
+ALIKE = 0.25  # relative difference of two risks of a segment that does not decide which path is nearer
 ROUNDING = 1e-6  # relative excess over epsilon that is rounding
 KEPT = 1.4  # standard deviations that taut lines keep where polygons share epsilon as they need it
 WALLS = ("western", "eastern", "southern", "northern")
@@ -123,10 +125,26 @@ def kept_deviations(problem: Problem) -> float:
 # --- supporting lines --------------------------------------------------------------------------
 
 
-def _by_lines(problem: Problem, flight: Flight, avoid: BoolArray | None, around: float) -> Separation:
-    """Supporting lines; the programme lets their polygons share ``epsilon`` as they need it, Eq. (M51)."""
-    from scipy.special import ndtr
+def chance_along(problem: Problem, flight: Flight) -> Chance:
+    """The chance constraint of paths in the steps of ``flight``, and in its order of visits."""
+    T, limit = len(flight.u), allowed_risk(problem)
+    corners, requested = _polygons_along(problem, flight, None)
+    lines = SegmentLines(np.empty((T, ROWS, 4)), np.empty((T, ROWS), np.int64), np.empty(T))
+    return Chance(corners, requested, limit, LEAST_VARIANCE, lines, np.empty((ROWS, 4)))
 
+
+def excess(problem: Problem, flight: Flight) -> FloatArray:
+    """By how much the risk of each segment exceeds epsilon, relative to it (T,); 0 where it is kept."""
+    limit = allowed_risk(problem)
+    if math.isinf(limit):
+        return np.zeros(len(flight.u))
+    return np.maximum(separation(problem, flight).risk / limit - 1.0 - ROUNDING, 0.0)
+
+
+def _polygons_along(
+    problem: Problem, flight: Flight, avoid: BoolArray | None
+) -> tuple[kd.Corners, BoolArray]:
+    """The barriers and the forbidden polygons, and which of them each segment avoids (T, m)."""
     polygons, requested = _avoided(problem, flight, avoid)
     corners = barrier_polygons(problem)
     everywhere = np.ones((len(flight.u), len(corners.radius)), bool)
@@ -138,7 +156,14 @@ def _by_lines(problem: Problem, flight: Flight, avoid: BoolArray | None, around:
             np.concatenate([corners.ptr, corners.ptr[-1] + own.ptr[1:]]),
             np.vstack([corners.corner, own.corner]),
         )  # fmt: skip
-    requested = np.hstack([everywhere, requested])
+    return corners, np.hstack([everywhere, requested])
+
+
+def _by_lines(problem: Problem, flight: Flight, avoid: BoolArray | None, around: float) -> Separation:
+    """Supporting lines; the programme lets their polygons share ``epsilon`` as they need it, Eq. (M51)."""
+    from scipy.special import ndtr
+
+    corners, requested = _polygons_along(problem, flight, avoid)
     line, owner, risk = lines_of(corners, requested, flight.x, flight.cov, ROWS, around)
     normal, offset = line[..., :2], line[..., 2]
     cov = np.stack([flight.cov[:-1], flight.cov[1:]], axis=1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -11,7 +10,6 @@ from typing import TypeVar
 import numpy as np
 
 from careful_io.machine import made_once, on_all_cores
-from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.effort import Effort, Passes
@@ -40,8 +38,7 @@ SCOUT_STEPS = 2  # that are reported of each scout
 class Sweep:
     """What all polishes of a front share.
 
-    The common flights, the time ``budget``, the smoothed failure above which paths are ``hopeless``, and the
-    excess of a path that is searched for, ``most_excess`` at most.
+    The common flights, the time ``budget``, and the smoothed failure above which paths are ``hopeless``.
 
     ``progress`` is called with the steps of the search, the ``before`` steps of other scouts counted.
 
@@ -63,7 +60,6 @@ class Sweep:
     progress: Progress | None = None
     before: int = 0
     hopeless: float = 1.0
-    most_excess: float = math.inf
 
     @property
     def over(self) -> bool:
@@ -96,8 +92,7 @@ class Sweep:
             x, more, origin = line
             return self.refiner.polish(self.timed_means(x, more), self.few, how, cap, origin)
 
-        made = (k for k in self.in_time(one, lines) if k.length <= longest and k.smoothed < self.hopeless)
-        return self.near_epsilon(made)
+        return [k for k in self.in_time(one, lines) if k.length <= longest and k.smoothed < self.hopeless]
 
     def in_time(
         self, make: Callable[[Item], Candidate], items: Iterable[Item], share: float | None = None
@@ -106,14 +101,6 @@ class Sweep:
         share = self.effort.sweep_share if share is None else share
         made = on_all_cores(lambda item: None if self.budget.over(share) else make(item), items)
         return [k for k in made if k is not None]
-
-    def near_epsilon(self, found: Iterable[Candidate]) -> list[Candidate]:
-        """Those ``found`` whose excess is at most ``most_excess``."""
-        return [k for k in found if self.most_excess == math.inf or self.excess(k.flight) <= self.most_excess]
-
-    def excess(self, flight: Flight) -> float:
-        """By how much the segments of ``flight`` exceed epsilon; 0 if all keep it."""
-        return self.closing.penalty(flight, math.inf)
 
     def reassessed(self, k: Candidate, flights: CommonFlights) -> Candidate:
         """A path of another search, with its failures in ``flights``."""
@@ -142,8 +129,16 @@ class Sweep:
         return list(best.values())[: self.effort.classes + more]
 
     def hopeless_above(self, seen: Iterable[Candidate]) -> float:
-        """The smoothed failure above which paths succeed far more rarely than the best one ``seen``."""
-        return 1.0 - self.effort.hopeless * (1.0 - min((k.smoothed for k in seen), default=0.0))
+        """The smoothed failure above which paths succeed far more rarely than the best one ``seen``.
+
+        While the best one breaks epsilon, for which up to 1 is added, it is halfway from that to 2.
+        """
+        best = min(seen, key=smoothed, default=None)
+        if best is None:
+            return 1.0
+        if best.breach > 0.0:
+            return 1.0 + 0.5 * best.smoothed
+        return 1.0 - self.effort.hopeless * (1.0 - best.smoothed)
 
     def on_other_sides(self, found: Iterable[Candidate], known: Container[PathClass]) -> list[Start]:
         """``found`` bent past every near obstacle on its other side; one start of each class not known."""
