@@ -27,6 +27,7 @@ from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.counts import clopper_pearson
 from pareto_ltl.wind.records import WindField
 from wind_laws import gp, modes
+from wind_laws.places import pairwise_distances, same_places
 
 BLOCK = 2000  # flights at once
 MARGIN = 5.0  # standard deviations of the position beside the path that nodes reach
@@ -56,7 +57,7 @@ class Lattice:
         a, b = (((x - self.origin) / self.spacing) % 1.0).T
         w = np.stack([(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b], axis=1)
         corners = self.spacing * np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
-        R = np.exp(-gp.pairwise_distances(corners, corners) / length)
+        R = np.exp(-pairwise_distances(corners, corners) / length)
         return np.maximum(1.0 - np.einsum("ni,ij,nj->n", w, R, w), 0.0)
 
     def read(self, values: FloatArray, x: FloatArray) -> FloatArray:
@@ -104,9 +105,9 @@ class Winds:
         self.field, self.lattice, self.wind = field, lattice, problem.wind
         self.hyper, self.rough = posterior.hyper, posterior.kernel == "matern12"
         self.dt, self.rho, self.gap = problem.motion.dt, field.modes.rho, field.modes.gap
-        between = gp.pairwise_distances(lattice.nodes, lattice.nodes)
+        between = pairwise_distances(lattice.nodes, lattice.nodes)
         self.space = {}
-        for slots in gp.same_places(posterior.points):
+        for slots in same_places(posterior.points):
             one = root(modes.posterior_covariance(posterior, int(slots[0]), lattice.nodes, between))
             self.space |= dict.fromkeys(slots.tolist(), one)
         length = np.inf if field.error is None else field.error.change_length

@@ -23,11 +23,11 @@ from numpy.random import Generator, SeedSequence
 from pareto_ltl.extend import draw_flights, simulate_flights
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.effort import Effort
-from pareto_ltl.planning.refine.front_sweep import searched
+from pareto_ltl.planning.refine.front_sweep import finished, swept
 from pareto_ltl.planning.refine.levels import looks
 from pareto_ltl.planning.refine.sampled import Candidate, resampled_means
 from pareto_ltl.planning.refine.starts import Start, StartKind, first_starts
-from pareto_ltl.planning.refine.sweep import new_sweep
+from pareto_ltl.planning.refine.sweep import first_of, new_sweep
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.settings import RefineConfig, Settings, preset
 from pareto_ltl_apps.studies.forecast_test import mission_settings
@@ -86,8 +86,9 @@ def wide_search(name: str, border: str, minutes: float) -> list[dict[str, float]
         starts |= first_starts(problem, benchmark_run(name, border, seed).forest)
     law = problem.fidelity.law
     flights = draw_flights(problem, law, WIDE.flights, SeedSequence(8))
-    sweep = new_sweep(Effort.of(WIDE), problem, flights)
-    found = searched(sweep, looks(sweep, starts))
+    sweep = new_sweep(Effort.of(WIDE), problem, first_of(flights))
+    seen = swept(sweep, looks(sweep, starts))
+    found = finished(sweep, [sweep.reassessed(k, sweep.flights) for k in seen])
     half = flights.only(np.arange(WIDE.flights // 2))
     best = Best(np.exp(np.arange(np.log(found[0].length), np.log(1.1 * found[-1].length), STEP)))
     for k in found:
