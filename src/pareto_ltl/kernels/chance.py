@@ -19,7 +19,7 @@ from plane_kernels.types import BoolArray, Corners, Cov
 from plane_logic.margin import Slope
 from typed_kernels.jit import kernel
 
-STIFF = 10.0  # failures per square of a lacking standard deviation
+STIFF = 2.0  # failures per square of a lacking standard deviation: with 10, other classes were lost
 RESERVE = 0.05  # standard deviations that are kept beyond epsilon: a penalty leaves a little to lack
 DEEP = 0.45  # risks above are counted in proportion
 LARGEST = 0.5  # deviations that count in the curvature of several lines: more would make solves timid

@@ -137,7 +137,7 @@ def _paths_of(
 
 def swept(scout: Sweep, seen: Sequence[Candidate]) -> list[Candidate]:
     """All paths that a scout finds in its sweeps, and those ``seen``."""
-    scout = replace(scout, hopeless=scout.hopeless_above(seen))
+    scout = replace(scout, hope=scout.hope_of(seen))
     _report(scout, 1, seen)
     levels = swept_down(scout, seen)
     found = [*seen, *chain(*levels)]
@@ -150,8 +150,8 @@ def finished(sweep: Sweep, known: Sequence[Candidate]) -> list[Candidate]:
 
     With a power curve, slower ones that take less energy follow.
     """
-    sweep = replace(sweep, hopeless=sweep.hopeless_above(known))
-    front = front_of(k for k in known if k.smoothed < sweep.hopeless) or front_of(known)[:1]
+    sweep = replace(sweep, hope=sweep.hope_of(known))
+    front = front_of(filter(sweep.hope.holds, known)) or front_of(known)[:1]
     for better in improved_fronts(sweep, front):
         front = better
         _report(sweep, 0, front)

@@ -153,8 +153,8 @@ def slower_points(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
 
     chosen = found[:: -(-len(found) // effort.economic)]
     made = on_all_cores(slower, product(chosen, effort.economic_steps))
-    hopeless = sweep.hopeless_above(found)
-    return [k for k in made if k is not None and k.smoothed < hopeless]
+    hope = sweep.hope_of(found)
+    return [k for k in made if k is not None and hope.holds(k)]
 
 
 # --- paths ------------------------------------------------------------------------------------

@@ -33,7 +33,7 @@ def looks(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[Candidate]:
     def again(k: Candidate) -> Candidate:
         return k if sweep.over else sweep.refiner.polish(k.flight.x, sweep.few, how, k.length, k.origin)
 
-    hopeful = [k for k in seen if k.smoothed < sweep.hopeless_above(seen)]
+    hopeful = filter(sweep.hope_of(seen).holds, seen)
     return sorted([*seen, *on_all_cores(again, hopeful)], key=smoothed)
 
 
@@ -115,7 +115,7 @@ def swept_down(sweep: Sweep, seen: Sequence[Candidate]) -> list[list[Candidate]]
     From the last cap that paths satisfy, they fall again, more slowly: a coarse search finds the shortest
     paths as well.
     """
-    seen = [k for k in seen if k.smoothed < sweep.hopeless]
+    seen = [k for k in seen if sweep.hope.holds(k)]
     if not seen:
         return []
     effort, spacing = sweep.effort, sweep.effort.spacing

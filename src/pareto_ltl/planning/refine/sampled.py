@@ -41,8 +41,8 @@ from plane_logic import margin as km
 from plane_logic.margin_events import MarginModel
 
 EXCESS = 10.0  # penalty per relative excess of a segment over epsilon
-MENDED = 0.05  # excess that the last solve mends
-HALF = 0.2  # excess that counts as much as one flight in two that fails
+MENDED = 0.1  # excess that the last solve mends
+HALF = 1.0  # excess that counts as much as one flight in two that fails
 COUNTED = 8.0  # widths: a flight with a larger margin counts for less than 3e-4
 FINER = 8  # parts of a leg in which letters are looked for that no step reads
 ALL = 0.9  # if more than this share of the flights counts, all are retained: copying winds takes longer
@@ -107,6 +107,11 @@ class Candidate:
     def steps(self) -> int:
         """The number of steps of the flight."""
         return len(self.flight.u)
+
+    @property
+    def failure(self) -> float:
+        """The smoothed failure alone."""
+        return self.smoothed - self.breach
 
 
 @dataclass(slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -34,11 +34,25 @@ Draw = Callable[[int], CommonFlights]  # the first of the common flights
 SCOUT_STEPS = 2  # that are reported of each scout
 
 
+class Hope(NamedTuple):
+    """What the smoothed ``failure`` of a path is below, and the ``total`` with its breach of epsilon."""
+
+    failure: float = 1.0
+    total: float = 1.0
+
+    def holds(self, k: Candidate) -> bool:
+        """Whether ``k`` is searched on."""
+        return k.failure < self.failure and k.smoothed < self.total
+
+
+SOME = Hope()  # not to fail in all flights
+
+
 @dataclass(frozen=True, slots=True)
 class Sweep:
     """What all polishes of a front share.
 
-    The common flights, the time ``budget``, and the smoothed failure above which paths are ``hopeless``.
+    The common flights, the time ``budget``, and what paths have to reach (``hope``).
 
     ``progress`` is called with the steps of the search, the ``before`` steps of other scouts counted.
 
@@ -59,7 +73,7 @@ class Sweep:
     budget: Budget = UNLIMITED
     progress: Progress | None = None
     before: int = 0
-    hopeless: float = 1.0
+    hope: Hope = SOME
 
     @property
     def over(self) -> bool:
@@ -92,7 +106,7 @@ class Sweep:
             x, more, origin = line
             return self.refiner.polish(self.timed_means(x, more), self.few, how, cap, origin)
 
-        return [k for k in self.in_time(one, lines) if k.length <= longest and k.smoothed < self.hopeless]
+        return [k for k in self.in_time(one, lines) if k.length <= longest and self.hope.holds(k)]
 
     def in_time(
         self, make: Callable[[Item], Candidate], items: Iterable[Item], share: float | None = None
@@ -128,17 +142,16 @@ class Sweep:
             best.setdefault(self.class_of(k), k)
         return list(best.values())[: self.effort.classes + more]
 
-    def hopeless_above(self, seen: Iterable[Candidate]) -> float:
-        """The smoothed failure above which paths succeed far more rarely than the best one ``seen``.
+    def hope_of(self, seen: Iterable[Candidate]) -> Hope:
+        """What paths have to reach beside the best one ``seen``: not succeed far more rarely.
 
-        While the best one breaks epsilon, for which up to 1 is added, it is halfway from that to 2.
+        While that one breaks epsilon, others may break it a little more.
         """
         best = min(seen, key=smoothed, default=None)
         if best is None:
-            return 1.0
-        if best.breach > 0.0:
-            return 1.0 + 0.5 * best.smoothed
-        return 1.0 - self.effort.hopeless * (1.0 - best.smoothed)
+            return SOME
+        failure = 1.0 - self.effort.hopeless * (1.0 - best.failure)
+        return Hope(failure, failure if best.breach == 0.0 else 1.0 + 0.5 * best.smoothed)
 
     def on_other_sides(self, found: Iterable[Candidate], known: Container[PathClass]) -> list[Start]:
         """``found`` bent past every near obstacle on its other side; one start of each class not known."""
