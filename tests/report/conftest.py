@@ -20,11 +20,11 @@ PAGE_ONLY = {"figures": False, "page": True}
 def page_result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A results directory with ``report.html``."""
     sections = SMALL | {"deployment": {"runs": 120}, "report": PAGE_ONLY, "exports": {"flights": 300}}
-    # Without errors of the robot the front of this small search has several points, which the suites need.
+    # The front of this small search has several points without errors of the robot, with this seed of a few.
     sections["robot"] = SMALL["robot"] | dict.fromkeys(("airspeed_sd", "heading_sd", "clock_sd"))
 
     def make(place: Path) -> None:
-        pareto_ltl.plan("phi1", "F(a & F b & F c)", out=place / "result", **sections)
+        pareto_ltl.plan("phi1", "F(a & F b & F c)", out=place / "result", seed=1, **sections)
 
     return made_once(tmp_path_factory, "page", make) / "result"
 
