@@ -55,7 +55,7 @@ from pareto_ltl.planning.refine.starts import (
     unlike_starts,
 )
 from pareto_ltl.planning.refine.sweep import SCOUT_STEPS, Draw, Progress, Sweep, front_of, new_sweep
-from pareto_ltl.support.arrays import FloatArray, length_of
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.world.time_step import SHARE_OF_PLACE, narrowest_place
 
@@ -256,7 +256,7 @@ def in_all_steps(sweep: Sweep, times: int, ended: tuple[Candidate, Candidate]) -
     how = sweep.polish_of(sweep.effort.finest)
     flight = sweep.refiner.polished(end.flight.x, sweep.flights, how, end.length)
     if not excess(sweep.problem, flight).any():
-        end = replace(end, flight=flight, length=length_of(flight.x))
+        end = end.moved(flight)
     return begun, end
 
 
@@ -268,9 +268,8 @@ def slower_runs(sweep: Sweep, times: int, k: Candidate) -> Iterator[Candidate]:
     for more in (times, 2 * times):
         x = retimed_means(sweep.problem, k.flight.x, min(k.steps + more, sweep.problem.horizon))
         flight = sweep.refiner.polished(x, sweep.flights, sweep.polish_of(sweep.effort.finest), k.length)
-        yield replace(k, flight=flight, length=length_of(flight.x))
+        yield k.moved(flight)
 
 
 def _divided(sweep: Sweep, times: int, k: Candidate) -> Candidate:
-    flight = sweep.refiner.flown(divided(k.flight.x, times))
-    return replace(k, flight=flight, length=length_of(flight.x), kind=None)
+    return k.moved(sweep.refiner.flown(divided(k.flight.x, times)))

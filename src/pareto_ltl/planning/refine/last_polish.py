@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 from itertools import pairwise, product
 
@@ -20,7 +19,7 @@ from pareto_ltl.planning.refine.sampled import Candidate
 from pareto_ltl.planning.refine.starts import retimed_means
 from pareto_ltl.planning.refine.sweep import Sweep, front_of, smoothed, spread_points
 from pareto_ltl.planning.routes.taut_lines import CAP
-from pareto_ltl.support.arrays import FloatArray, length_of
+from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 
 LOG = logging.getLogger(__name__)
@@ -108,16 +107,15 @@ def _rarely_fails(sweep: Sweep, k: Candidate) -> bool:
 def closed(sweep: Sweep, k: Candidate) -> Candidate:
     """``k`` after the last solve, by the convex programme; its failures are those before."""
     flights = (sweep.many() if _rarely_fails(sweep, k) else sweep.flights).exact()
-    end = sweep.closing.polished(k.flight.x, flights, sweep.polish_of(sweep.effort.closing), k.length)
-    return replace(k, flight=end, length=length_of(end.x), kind=None)
+    how = sweep.polish_of(sweep.effort.closing)
+    return k.moved(sweep.closing.polished(k.flight.x, flights, how, k.length))
 
 
 def nearer(sweep: Sweep, k: Candidate) -> Candidate:
     """``k`` after more solves within the chance constraints, a little longer where that brings it nearer."""
     effort = sweep.effort
     how, longest = sweep.polish_of(effort.nearer), effort.lengthened * k.length
-    end = sweep.closing.polished(k.flight.x, sweep.few, how, longest)
-    return replace(k, flight=end, length=length_of(end.x), kind=None)
+    return k.moved(sweep.closing.polished(k.flight.x, sweep.few, how, longest))
 
 
 def spare_steps(k: Candidate) -> float:

@@ -13,7 +13,7 @@ sweeps of a front solve it by :mod:`plane_kernels.step_solver`; the last polish 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -112,6 +112,10 @@ class Candidate:
     def failure(self) -> float:
         """The smoothed failure alone."""
         return self.smoothed - self.breach
+
+    def moved(self, flight: Flight) -> Candidate:
+        """The same with another ``flight``, whose failures and class are not looked at."""
+        return replace(self, flight=flight, length=length_of(flight.x), kind=None)
 
 
 @dataclass(slots=True)

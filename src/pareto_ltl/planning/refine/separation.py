@@ -128,7 +128,10 @@ def kept_deviations(problem: Problem) -> float:
 def chance_along(problem: Problem, flight: Flight) -> Chance:
     """The chance constraint of paths in the steps of ``flight``, and in its order of visits."""
     T, limit = len(flight.u), allowed_risk(problem)
-    corners, requested = _polygons_along(problem, flight, None)
+    if math.isinf(limit):  # what a path avoids is not looked for
+        corners, requested = barrier_polygons(problem), np.zeros((T, 0), bool)
+    else:
+        corners, requested = _polygons_along(problem, flight, None)
     lines = SegmentLines(np.empty((T, ROWS, 4)), np.empty((T, ROWS), np.int64), np.empty(T))
     return Chance(corners, requested, limit, LEAST_VARIANCE, lines, np.empty((ROWS, 4)))
 
