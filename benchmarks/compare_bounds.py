@@ -15,7 +15,7 @@ from numpy.random import SeedSequence
 from pareto_ltl import load_results
 from pareto_ltl.extend import simulate_flights
 from pareto_ltl.planning.evaluate import collision_risk, propagate
-from pareto_ltl.planning.refine.separation import separation
+from pareto_ltl.planning.separation import separation
 from pareto_ltl.run.results import planned_run
 
 FEWEST = 20  # collisions that a rate must have for a ratio

@@ -19,7 +19,7 @@ from corpus.drawing import BORDERS, Place
 from corpus.winds import WINDS
 from levels import AT_NIGHT
 from pareto_ltl.planning.refine import flown_lines
-from pareto_ltl.planning.refine.separation import ROUNDING
+from pareto_ltl.planning.separation import ROUNDING
 from pareto_ltl.run.plan_run import UnpricedRun
 from pareto_ltl.settings import SceneConfig
 from pareto_ltl.support.errors import DataError, InfeasibleError

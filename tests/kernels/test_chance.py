@@ -9,15 +9,16 @@ import pytest
 from scipy.special import ndtr, ndtri
 from scipy.stats import norm
 
-from pareto_ltl.kernels.chance import DEEP, RESERVE, STIFF, add_breach, deviations_for, risk_beyond
+from pareto_ltl.kernels.chance import DEEP, RESERVE, add_breach, deviations_for, risk_beyond
 from pareto_ltl.planning.evaluate import propagate
-from pareto_ltl.planning.refine.separation import Separation, chance_along, excess, separation
+from pareto_ltl.planning.separation import Separation, chance_along, excess, separation
 from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.support.arrays import FloatArray
 from plane_logic.margin import Slope
 from problems import along, box, make_problem, make_scene, smooth_wind
 
 SCENE = make_scene({"a": box(15, 8, 19, 12)}, [box(7, 0, 9, 9.5), box(11, 10.5, 13, 20)], start=(2, 10))
+STIFF = 2.0
 ROBOT = RobotConfig(dt=100.0, u_max=10.0, start_sd=150.0)
 WAY = along((2, 10), (9, 9.9), (11, 10), (16, 10), step=0.6)
 
@@ -70,7 +71,7 @@ def plainly(part: Separation, x: FloatArray, epsilon: float) -> float:
 def test_the_penalty_is_the_square_of_what_the_ends_lack(epsilon: float) -> None:
     problem = problem_with(epsilon)
     flight, slope = propagate(problem, WAY), empty_slope()
-    value = add_breach(chance_along(problem, flight), flight, slope)
+    value = add_breach(chance_along(problem, flight, STIFF), flight, slope)
     assert value > 0.0
     assert excess(problem, flight).max() > 0.0
     part = separation(problem, flight)
@@ -92,8 +93,8 @@ def test_a_path_that_keeps_epsilon_has_no_penalty(epsilon: float | None) -> None
     flight = propagate(problem, far)
     slope = Slope(np.zeros((len(far), 2)), np.zeros((len(far), 3)))
     if epsilon is None:
-        assert math.isinf(chance_along(problem, flight).limit)
-        assert add_breach(chance_along(problem, flight), flight, slope) == 0.0
+        assert math.isinf(chance_along(problem, flight, STIFF).limit)
+        assert add_breach(chance_along(problem, flight, STIFF), flight, slope) == 0.0
         assert not excess(problem, flight).any()
     else:
         assert not excess(problem, flight).any()
@@ -107,5 +108,5 @@ def test_forbidden_regions_count_as_obstacles() -> None:
         PlannerConfig(epsilon=0.02), fidelity="full",
     )  # fmt: skip
     flight, slope = propagate(problem, WAY), empty_slope()
-    assert add_breach(chance_along(problem, flight), flight, slope) > 0.0
+    assert add_breach(chance_along(problem, flight, STIFF), flight, slope) > 0.0
     assert slope.gradient[:, 1].min() < 0.0  # northwards, away from the region

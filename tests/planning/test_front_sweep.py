@@ -32,7 +32,6 @@ from pareto_ltl.planning.refine import (
 )
 from pareto_ltl.planning.refine.effort import COARSE
 from pareto_ltl.planning.refine.sampled import Candidate, resampled_means, steps_needed
-from pareto_ltl.planning.refine.separation import separation
 from pareto_ltl.planning.refine.starts import (
     Start,
     first_starts,
@@ -46,6 +45,7 @@ from pareto_ltl.planning.refine.sweep import first_of
 from pareto_ltl.planning.routes.path_classes import path_class
 from pareto_ltl.planning.routes.search_map import sights
 from pareto_ltl.planning.selection import hypervolume
+from pareto_ltl.planning.separation import separation
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.settings.planner import COARSE_EFFORT
 from pareto_ltl.simulation.common_flights import is_certain
@@ -142,7 +142,7 @@ def test_the_effort_of_a_search_comes_from_the_settings_and_is_less_with_coarse_
         assert value > usual if name == "spacing" else value < usual
     limited = {"flights": 700, "classes": 3, "points": 17}
     assert replace(coarse, **limited, **{name: getattr(effort, name) for name in COARSE}) == effort
-    widths = [list(passes[0]) for passes in (effort.first, effort.sweep, effort.wide, effort.last)]
+    widths = [list(how.widths) for how in (effort.first, effort.sweep, effort.wide, effort.last)]
     assert all(own == sorted(own, reverse=True) for own in widths)
 
 

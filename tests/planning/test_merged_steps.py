@@ -15,9 +15,9 @@ from pareto_ltl.planning.problem import Problem, with_merged_steps
 from pareto_ltl.planning.refine import Effort, front_sweep, sampled_paths
 from pareto_ltl.planning.refine.front_sweep import steps_to_merge
 from pareto_ltl.planning.refine.sampled import divided
-from pareto_ltl.planning.refine.separation import keeps_epsilon
 from pareto_ltl.planning.refine.starts import Start, first_starts
 from pareto_ltl.planning.refine.sweep import first_of
+from pareto_ltl.planning.separation import keeps_epsilon
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.world.windows import Window
 from plane_kernels.geometry import locate_cells

@@ -10,13 +10,14 @@ import shapely
 from numpy.random import SeedSequence
 
 from pareto_ltl.extend import draw_flights, simulate_flights
+from pareto_ltl.planning import prices
 from pareto_ltl.planning.evaluate import completing_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
-from pareto_ltl.planning.refine import Effort, prices, programme, sampled_paths
+from pareto_ltl.planning.refine import Effort, programme, sampled_paths
 from pareto_ltl.planning.refine.sampled import Polish, Refiner
-from pareto_ltl.planning.refine.separation import separation
 from pareto_ltl.planning.refine.sweep import first_of
+from pareto_ltl.planning.separation import separation
 from pareto_ltl.settings import PlannerConfig, RobotConfig, preset
 from pareto_ltl.support.arrays import length_of
 from plane_logic import margin as km
@@ -120,7 +121,7 @@ def test_multipliers_are_derivatives_of_the_least_objective(binding, monkeypatch
     )
     assert solution.faster > 0.0
     speeds = lambda by: (problem, flight._replace(speed=flight.speed + by), model, longest)  # noqa: E731
-    assert slope(speeds, 0.001) == pytest.approx(solution.faster, rel=0.02)
+    assert slope(speeds, 0.004) == pytest.approx(solution.faster, rel=0.02)
 
     def farther(by):
         def moved(*args, **kwargs):

@@ -16,13 +16,13 @@ from pareto_ltl.extend import draw_flights
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model
+from pareto_ltl.planning.prices import segment_limits
 from pareto_ltl.planning.refine import Effort, programme, sampled_paths
-from pareto_ltl.planning.refine.prices import segment_limits
 from pareto_ltl.planning.refine.programme import Descent
 from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Polish, Refiner
-from pareto_ltl.planning.refine.separation import barrier_names, breach_text, separation, within_limits
 from pareto_ltl.planning.refine.starts import first_starts
 from pareto_ltl.planning.refine.sweep import first_of
+from pareto_ltl.planning.separation import barrier_names, breach_text, separation, within_limits
 from pareto_ltl.settings import PlannerConfig, RefineConfig, RobotConfig, preset
 from pareto_ltl.support.arrays import square_matrices
 from pareto_ltl.support.errors import ConfigError

@@ -9,8 +9,9 @@ import pytest
 import shapely
 
 from large_maps import MEGABYTE, SIDE, Waiting, many_discs, rough_disc
+from pareto_ltl.planning import separation
 from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, propagate
-from pareto_ltl.planning.refine import separation, smoothing
+from pareto_ltl.planning.refine import smoothing
 from pareto_ltl.planning.routes.obligations import path_obligations, possible_orders
 from pareto_ltl.planning.routes.taut_lines import taut_line, walk_line
 from pareto_ltl.settings import SmoothingConfig
@@ -97,17 +98,19 @@ def test_a_programme_has_few_faces_though_the_region_has_2000():
 
 
 def test_what_must_be_avoided_is_drawn_as_one_shape():
-    """Its polygons, few and around all cells, are asked for at the steps at which every cell is avoided."""
+    """Its polygons, few and around all cells, are asked for in segments in which all cells are avoided."""
     regions = {"a": rough_disc(east=10.5, north=9.0), "b": box(16, 16, 18, 18)}
     scene = make_scene(regions, [box(5, 15, 6, 16)], side=SIDE)
     problem = make_problem("!a U b", scene, breezy(scene, 0.05))
     path = flown(problem, 4.0)
     owed = path_obligations(problem, path.x, propagate(problem, path.x).cov)
     cells = [k for k, label in enumerate(problem.labels) if "a" in label]
-    polygons, asked = separation.forbidden_polygons(problem, owed.avoid)
+    flight = propagate(problem, path.x)
+    polygons, asked = separation.forbidden_polygons(problem), separation.avoided(problem, flight, owed.avoid)
     assert len(cells) > 500
     assert asked.shape[1] == len(polygons) < 100
     by_step = owed.avoid[:, cells].all(axis=1)
-    of_a = asked[:, (asked == by_step[:, None]).all(axis=0)]
+    by_segment = by_step[1:] & by_step[:-1]
+    of_a = asked[:, (asked == by_segment[:, None]).all(axis=0)]
     assert by_step[1:-1].all()
     assert of_a.shape[1] > 1

@@ -17,8 +17,8 @@ from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.programme import Descent
 from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Refiner
-from pareto_ltl.planning.refine.separation import chance_along
 from pareto_ltl.planning.routes.taut_lines import CAP, FACE_MARGIN
+from pareto_ltl.planning.separation import chance_along
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.support.arrays import FloatArray
@@ -37,6 +37,7 @@ ROBOTS = {
     "matrices": (RobotConfig(dt=100.0, u_max=10.0, **BENT), smooth_wind(SCENE)),
     "least airspeed": (RobotConfig(dt=100.0, u_max=10.0, u_min=3.0, **BENT), smooth_wind(SCENE)),
 }
+STIFF = 2.0
 WAY = along((2, 10), (8, 6.2), (14, 8), (15, 11), step=0.6)  # 29 steps
 TRUST, LONGEST = 0.7, 15_500.0
 
@@ -201,7 +202,7 @@ def test_a_descent_takes_the_plain_decisions(robot: str, number: int, rel: float
         off = flights.deviations(flight)
         here, _ = refiner.slope(flight.x, off, width, 150)
         sample = Sample(off, width, 120 / 150, 0.0, here.value)
-        solves = Solves(number, TRUST, longest, chance_along(problem, flight))
+        solves = Solves(number, TRUST, longest, chance_along(problem, flight, STIFF))
         end = refiner.descended(flight, here, sample, solves)
         value = refiner.slope(end.x, off, width, 150)[0].value
         ends.append((end, value))

@@ -16,11 +16,11 @@ from numpy.random import SeedSequence
 import pareto_ltl
 from careful_io.reading import read_json
 from lies.editing import Lie, both, edited, in_json, in_metrics, in_plan
+from pareto_ltl.planning import separation
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.power import EnergyModel, Wing
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.planning.refine import separation
 from pareto_ltl.run import front_stage
 from pareto_ltl.run.plan_run import Run
 from pareto_ltl.simulation.judging import count_failures

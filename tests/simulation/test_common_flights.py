@@ -129,5 +129,19 @@ def test_flights_that_need_more_energy_than_there_is_are_exhausted():
         flights = draw_flights(tight, "coherent", RUNS, SeedSequence(1))
         x = flights.flown(flight.u, flight.x)
         landed = (x[:, -1] == x[:, -2]).all(axis=1)
-        np.testing.assert_array_equal(flights.exhausted(flight), landed)
-    assert not draw_flights(problem, "coherent", RUNS, SeedSequence(1)).exhausted(flight).any()
+        off, exhausted = flights.ended(flight)
+        np.testing.assert_array_equal(exhausted, landed)
+        np.testing.assert_array_equal(off, flights.deviations(flight))
+    assert not draw_flights(problem, "coherent", RUNS, SeedSequence(1)).ended(flight)[1].any()
+
+
+def test_linear_deviations_are_those_of_flights_in_linear_winds():
+    """The recursion of the law and flights of a pilot with the robot's own errors, step by step."""
+    robot = RobotConfig(dt=100.0, u_max=20.0, airspeed_sd=0.03, heading_sd=2.0, clock_sd=20.0)
+    problem = coherent_problem(sd=1.0, gust=0.3, rho=0.9, robot=robot)
+    flight = propagate(problem, STEPS)
+    flights = draw_flights(problem, "coherent", RUNS, SeedSequence(4)).linear()
+    flown = flights.positions(flight) - flight.x
+    off = flights.deviations(flight)
+    assert np.abs(off[-1]).min() > 1.0
+    np.testing.assert_allclose(np.moveaxis(off, 2, 0), flown, rtol=0.0, atol=1e-6)

@@ -19,7 +19,6 @@ from plane_kernels.types import BoolArray, Corners, Cov
 from plane_logic.margin import Slope
 from typed_kernels.jit import kernel
 
-STIFF = 2.0  # failures per square of a lacking standard deviation: with 10, other classes were lost
 RESERVE = 0.05  # standard deviations that are kept beyond epsilon: a penalty leaves a little to lack
 DEEP = 0.45  # risks above are counted in proportion
 LARGEST = 0.5  # deviations that count in the curvature of several lines: more would make solves timid
@@ -30,9 +29,12 @@ STEPS = 8  # of Newton's method for a quantile
 class Chance(NamedTuple):
     """The largest risk ``limit`` of a segment, inf for none, and what it is the risk of.
 
-    ``polygons`` to avoid, ``requested`` (T, m): which of them each segment avoids; ``least`` [m²] is added to
-    every variance; ``lines`` and ``side`` (K, 4) are scratch.
+    ``stiff``: the penalty of a lacking standard deviation [failures]. ``polygons`` to avoid, ``requested``
+    (T, m): which of them each segment avoids; ``least`` [m²] is added to every variance; ``lines`` and
+    ``side`` (K, 4) are scratch.
     """
+
+    stiff: float
 
     polygons: Corners
     requested: BoolArray
@@ -65,7 +67,7 @@ def risk_beyond(z: float) -> float:
 
 @kernel
 def add_breach(chance: Chance, flight: Flight, slope: Slope) -> float:
-    """½ ``STIFF`` Σ s², s the standard deviations that ends of segments lack; ``slope`` is added to.
+    """½ ``stiff`` Σ s², s the standard deviations that ends of segments lack; ``slope`` is added to.
 
     Eq. (M82) of docs/mathematics_methods.md.
     """
@@ -111,12 +113,12 @@ def add_end(
         east -= weight * side[j, 0]
         north -= weight * side[j, 1]
         if len(lines) > 1:  # the risk of one line alone has no curvature in its deviations
-            curve = STIFF * min(lacking, LARGEST) * weight * max(z, 0.0)
+            curve = chance.stiff * min(lacking, LARGEST) * weight * max(z, 0.0)
             add_square(slope, k, curve, side[j, 0], side[j, 1])
-    slope.gradient[k, 0] += STIFF * lacking * east
-    slope.gradient[k, 1] += STIFF * lacking * north
-    add_square(slope, k, STIFF, east, north)
-    return 0.5 * STIFF * lacking * lacking
+    slope.gradient[k, 0] += chance.stiff * lacking * east
+    slope.gradient[k, 1] += chance.stiff * lacking * north
+    add_square(slope, k, chance.stiff, east, north)
+    return 0.5 * chance.stiff * lacking * lacking
 
 
 @kernel

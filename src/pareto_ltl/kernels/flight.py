@@ -66,6 +66,20 @@ class LinearDraws(NamedTuple):
     slope: FloatArray
 
 
+class LinearLaw(NamedTuple):
+    """The coherent law linearised about T steps of a path: e' = F e + dt (ψ' θ + E κ + white).
+
+    ``F`` (T, 2, 2), ``psi`` (T, 2, P) [m/s], ``sd`` (T, 2) of the white part [m/s], E in ``push`` (T, 2, Q)
+    [m/s], and the step ``dt`` [s]; a robot without feedback.
+    """
+
+    F: FloatArray
+    psi: Float32Array
+    sd: FloatArray
+    push: FloatArray
+    dt: float
+
+
 Draws: TypeAlias = IndependentDraws | CoherentDraws | LinearDraws
 
 
@@ -158,6 +172,33 @@ def winds_at_means(
             field = theta[epoch[t], i]
             for c in range(2):
                 wind[t, i, c] += linear_field(psi, t, c, field) + sd[t, c] * white[t, i, c]
+
+
+@entry
+def linear_deviations(
+    along: LinearLaw, epoch: IntArray, white: FloatArray, theta: Float32Array, kappa: FloatArray,
+    off: FloatArray,
+) -> None:  # fmt: skip
+    """Fill the deviations ``off`` (T+1, 2, n) [m] of flights that begin with those of ``off[0]``.
+
+    e' = F e + dt (ψ' θ + E κ + white). ``white`` (T, n, 2) ~ N(0, 1); ``theta`` (E, n, 2, P) is the field of
+    each ``epoch`` (T,); ``kappa`` (n, Q) are the coefficients of the robot's own errors.
+    """
+    F, psi, sd, push, dt = along.F, along.psi, along.sd, along.push, along.dt
+    for i in range(off.shape[2]):
+        e, n = off[0, 0, i], off[0, 1, i]
+        for t in range(len(F)):
+            field = theta[epoch[t], i]
+            east = linear_field(psi, t, 0, field) + sd[t, 0] * white[t, i, 0]
+            north = linear_field(psi, t, 1, field) + sd[t, 1] * white[t, i, 1]
+            for q in range(kappa.shape[1]):
+                east += push[t, 0, q] * kappa[i, q]
+                north += push[t, 1, q] * kappa[i, q]
+            e, n = (
+                F[t, 0, 0] * e + F[t, 0, 1] * n + dt * east,
+                F[t, 1, 0] * e + F[t, 1, 1] * n + dt * north,
+            )
+            off[t + 1, 0, i], off[t + 1, 1, i] = e, n
 
 
 @entry

@@ -263,26 +263,26 @@ class Problem(Displayed):
 
     def keeps_epsilon(self, path: PlannedPath) -> bool:
         """Whether no segment of ``path`` is more likely to collide than ``planner.epsilon`` allows."""
-        from pareto_ltl.planning.refine.separation import keeps_epsilon
+        from pareto_ltl.planning.separation import keeps_epsilon
 
         return keeps_epsilon(self, path)
 
     @property
     def allowed_risk(self) -> float:
         """``planner.epsilon``, the largest risk of a collision in a segment; inf without a limit."""
-        from pareto_ltl.planning.refine.separation import allowed_risk
+        from pareto_ltl.planning.separation import allowed_risk
 
         return allowed_risk(self)
 
     def segment_risks(self, flight: Flight) -> FloatArray:
         """The probability of a collision in each segment (T,) of ``flight``."""
-        from pareto_ltl.planning.refine.separation import separation
+        from pareto_ltl.planning.separation import segment_risks
 
-        return np.asarray(separation(self, flight).risk, float)
+        return segment_risks(self, flight)
 
     def worst_segment(self, path: PlannedPath) -> WorstSegment:
         """The segment of ``path`` that is most likely to collide, and its closest barrier."""
-        from pareto_ltl.planning.refine.separation import worst_segment
+        from pareto_ltl.planning.separation import worst_segment
 
         return worst_segment(self, path)
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 from numpy.random import SeedSequence
 
 from pareto_ltl.planning.limits import remedies_text
+from pareto_ltl.planning.prices import limits_of
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Front, Plan
-from pareto_ltl.planning.refine.prices import limits_of
-from pareto_ltl.planning.refine.separation import keeps_epsilon, worst_segment
 from pareto_ltl.planning.selection_rules import bound_warning, choose_path, selection_rule, within_capacity
+from pareto_ltl.planning.separation import keeps_epsilon, worst_segment
 from pareto_ltl.run.remedies import HOPELESS, Trial, tried_remedies
 from pareto_ltl.settings import Settings
 from pareto_ltl.settings.heights import flight_air, flight_height, temperature_doubt

@@ -19,7 +19,7 @@ from pareto_ltl.planning.limits import Remedy
 from pareto_ltl.planning.pack import build_problem, missing_for_fixes
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Plan, PlannedPath
-from pareto_ltl.planning.refine.separation import separation
+from pareto_ltl.planning.separation import segment_risks
 from pareto_ltl.settings import Settings
 from pareto_ltl.simulation.judging import count_failures
 from pareto_ltl.support.arrays import FloatArray
@@ -64,7 +64,7 @@ class Trial:
 
     def worst(self, problem: Problem) -> float:
         """The collision probability of the worst segment in ``problem``."""
-        return min(1.0, float(separation(problem, propagate(problem, self.path.x)).risk.max()))
+        return min(1.0, float(segment_risks(problem, propagate(problem, self.path.x)).max()))
 
     def remedy(self, change: str, problem: Problem) -> Remedy:
         """The figures of the path in the changed ``problem``, rounded to four digits."""

@@ -14,6 +14,7 @@ from careful_io.machine import on_all_cores
 from pareto_ltl.kernels import flight as kernel
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.kernels.pilots import Autopilot, RejoiningPilot
+from pareto_ltl.planning.evaluate import takes_fixes
 from pareto_ltl.planning.power import EnergyModel
 from pareto_ltl.planning.problem import Problem, merged_draws
 from pareto_ltl.planning.refine.sampled import deviations_from
@@ -63,28 +64,38 @@ class DrawnFlights:
         return self._flown_by(self._pilot(u, mean), mean, self.problem.energy, self.draws)
 
     def deviations(self, flight: Flight) -> FloatArray:
-        """Deviations (T+1, 2, n) [m] of :meth:`positions` from the means of ``flight``."""
-        return deviations_from(self.positions(flight), flight.x)
+        """Deviations (T+1, 2, n) [m] of :meth:`positions` from the means of ``flight``.
+
+        Linearised flights of robots that do not correct their course follow the law of ``flight`` itself.
+        """
+        drawn, motion, T = self.draws, self.problem.motion, len(flight.u)
+        linear = self.linearised and isinstance(drawn, kernel.CoherentDraws) and motion.gain == 0.0
+        if not linear or takes_fixes(flight):
+            return deviations_from(self.positions(flight), flight.x)
+        off, errors = np.empty((T + 1, 2, len(self))), flight.errors
+        off[0] = self.start.T
+        along = kernel.LinearLaw(flight.F, flight.psi, np.sqrt(flight.white), errors.push, motion.dt)
+        epoch = drawn.law.modes.epoch[:T]
+        kernel.linear_deviations(along, epoch, drawn.white, drawn.theta, self.errors, off)
+        return off
 
     def unaided(self, flight: Flight) -> FloatArray:
         """The deviations without position fixes."""
         pilot = self._autopilot(flight.u, flight.x)
         return deviations_from(self._flown_by(pilot, flight.x, None, self._winds_about(flight)), flight.x)
 
-    def exhausted(self, flight: Flight) -> BoolArray:
-        """Which flights need more energy than the robot has (n,), if it corrects its course; else none.
+    def ended(self, flight: Flight) -> tuple[FloatArray, BoolArray]:
+        """The deviations, and which flights of a robot that corrects its course lack energy (n,).
 
         Robots that do not correct it spend what the plan does, which is compared with the capacity later.
         """
-        energy = self.problem.energy
-        if energy is None or energy.capacity is None:
-            return np.zeros(len(self), bool)
-        pilot = self._pilot(flight.u, flight.x)
-        if not sim.corrects(self.problem.motion, pilot):
-            return np.zeros(len(self), bool)
-        endless = replace(energy, capacity=sys.float_info.max)
-        tank = sim.fly_draws(self.problem, self._winds_about(flight), pilot, self._begun(flight.x), endless)
-        return np.asarray(tank.spent > energy.capacity, bool)
+        energy, pilot = self.problem.energy, self._pilot(flight.u, flight.x)
+        capacity = None if energy is None else energy.capacity
+        if not energy or not capacity or not sim.corrects(self.problem.motion, pilot):
+            return self.deviations(flight), np.zeros(len(self), bool)
+        endless, x = replace(energy, capacity=sys.float_info.max), self._begun(flight.x)
+        tank = sim.fly_draws(self.problem, self._winds_about(flight), pilot, x, endless)
+        return deviations_from(x, flight.x), np.asarray(tank.spent > capacity, bool)
 
     def _winds_about(self, flight: Flight) -> Any:
         """The winds of these flights if they fly the controls of ``flight``.

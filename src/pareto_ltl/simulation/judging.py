@@ -24,8 +24,8 @@ from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.rates import FailureRate
 from pareto_ltl.planning.records import Front, PlannedPath
-from pareto_ltl.planning.refine.separation import keeps_epsilon
 from pareto_ltl.planning.selection import box_above, chance_of_failures, hypervolume, non_dominated
+from pareto_ltl.planning.separation import keeps_epsilon
 from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.records import Deployment
 from pareto_ltl.support.arrays import BoolArray, FloatArray
@@ -39,6 +39,8 @@ CROWD = 40  # paths of trees retained after each comparison, for each cost other
 DROP_CHANCE = (
     1e-4  # probability, in one comparison, of dropping a path that is not worse than the shorter one
 )
+ENOUGH = 200  # failures of every path that is left, with which a race ends: its rates are known within 7 %
+LEAST_FLIGHTS = 1000  # before it ends
 
 
 def judge_front(
@@ -60,7 +62,8 @@ def judge_front(
     raw, refined : sequence of PlannedPath
         Paths of the trees, with R in its looser form, and refined paths. Bounds are not used here.
     draws : int
-        Flights of every path that survives the race, in the winds of ``fidelity.law``.
+        Flights of every path that survives the race, in the winds of ``fidelity.law``; fewer if each of them
+        fails ``ENOUGH`` times before.
     seed : SeedSequence
         Seed of the flights; the optimisation must use another one, or its paths look better than they are.
     strict : bool
@@ -78,7 +81,7 @@ def judge_front(
     admitted = [flown.path for flown in trees if keeps_epsilon(problem, flown.path)]
     if not refined and not admitted:  # those that keep it lost the race to others that do not
         admitted = [path for path in raw if keeps_epsilon(problem, path)]
-    race = race_among(problem, [*refined, *admitted], draws, seed)
+    race = race_among(problem, [*refined, *admitted], draws, seed, enough=ENOUGH)
     judged = race.flown
     if all(flown.failed.all() for flown in judged):
         _refuse_or_warn(_how_all_fail(problem, judged), strict)
@@ -220,9 +223,13 @@ def fly_race(
 
 
 def race_among(
-    problem: Problem, paths: Sequence[PlannedPath], draws: int, seed: SeedSequence, crowd: float = math.inf
-) -> Race:
-    """The race of :func:`fly_race`, with the flights of those that do not survive it."""
+    problem: Problem, paths: Sequence[PlannedPath], draws: int, seed: SeedSequence, crowd: float = math.inf,
+    enough: float = math.inf,
+) -> Race:  # fmt: skip
+    """The race of :func:`fly_race`, with the flights of those that do not survive it.
+
+    It ends before all flights are flown if each path that is left has failed ``enough`` times.
+    """
     if not paths:
         return Race([], np.zeros((0, 0)))
     require_memory(2.0 * len(paths), "selection.draws", draws, "flights that judge the front")
@@ -238,8 +245,10 @@ def race_among(
         seen = failed[running, :end]
         left = ~certainly_beaten(seen, costs[running])
         running = running[left][outermost(seen[left].mean(axis=1), costs[running[left]], crowd)]
+        if end >= LEAST_FLIGHTS and failed[running].sum(axis=1).min() >= enough:
+            break
     rows = np.column_stack([flights, failed.sum(axis=1), costs])
-    return Race([Flown(paths[k], failed[k]) for k in running.tolist()], rows)
+    return Race([Flown(paths[k], failed[k, :end]) for k in running.tolist()], rows)
 
 
 def count_failures(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> int:

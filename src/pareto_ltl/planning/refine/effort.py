@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any
 
 from pareto_ltl.settings import RefineConfig
 
-Passes: TypeAlias = tuple[tuple[float, ...], int]  # widths τ [map sizes] in turn, and solves at each
+
+@dataclass(frozen=True, slots=True)
+class Polish:
+    """Effort of a refinement.
+
+    ``widths`` τ [m] in turn, ``inner`` solves for each of them, the first ``trust`` region [full steps], and
+    the penalty ``stiff`` of a standard deviation that a segment lacks of its chance constraint [failures].
+    """
+
+    widths: tuple[float, ...]
+    inner: int = 4
+    trust: float = 0.5
+    stiff: float = 2.0  # with 10, paths did not find the way to other classes
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,20 +39,20 @@ class Effort:
     more_flights: int = 4  # times as many flights are used where failures are rare
     sweep_share: float = 0.75  # of a time budget, after which only the last polish is left
 
-    # --- polishes: a wide τ moves a path far, a narrow one counts failures nearly exactly ---
-    first: Passes = (0.020, 0.007), 4  # of a start
-    sweep: Passes = (0.008, 0.004), 3  # at a length cap, from a path polished before
-    wide: Passes = (0.020, 0.008, 0.004), 3  # of a path that may have to change its form
-    last: Passes = (0.005, 0.003, 0.002), 4
-    between: Passes = (0.003, 0.002), 4  # the last polish of a point between two of a front
-    finest: Passes = (0.002,), 4
-    closing: Passes = (0.002,), 1  # within the chance constraints, by a general solver
-    nearer: Passes = (0.002,), 12  # the same on few flights, where no path keeps epsilon
+    # --- polishes, widths in map sizes: a wide τ moves a path far, a narrow one counts failures exactly ---
+    first: Polish = Polish((0.020, 0.007), 4)  # of a start
+    sweep: Polish = Polish((0.008, 0.004), 3)  # at a length cap, from a path polished before
+    wide: Polish = Polish((0.020, 0.008, 0.004), 3)  # of a path that may have to change its form
+    last: Polish = Polish((0.003, 0.002), 4, stiff=20.0)  # of a point of the front
+    finest: Polish = Polish((0.002,), 4, stiff=20.0)
+    closing: Polish = Polish((0.002,), 1, trust=0.1)  # within the chance constraints, by a general solver
+    nearer: Polish = Polish((0.002,), 12, trust=0.1)  # the same, of a path that does not keep epsilon
 
     # --- starts ---
     distances: tuple[float, ...] = (2.6, 1.4, 0.8, 0.0)  # of taut lines from obstacles [standard deviations]
     depths: tuple[float, ...] = (1.0, 0.5, 0.25)  # of lines in regions: 0 the rim, 1 the middle
-    orders: int = 3  # mission orders that taut lines are drawn for
+    orders: int = 24  # mission orders that taut lines are drawn for, those with the shortest ways
+    varied_orders: int = 3  # of these, those whose lines are drawn at every distance from obstacles
     lines: int = 64  # classes of lines of the roadmap, the shortest
     tree_classes: int = 24  # classes and lengths of tree paths, those with the least risk
 
@@ -63,7 +75,7 @@ class Effort:
     within: float = 1.002  # a path may exceed its cap by this factor: polishes meet caps by a penalty
     shorten: float = 1.3  # paths up to this many times as long as the cap are shortened to it
     pays: float = 0.95  # share of the failure of a shorter path, below which a longer one pays
-    worth: float = 0.95  # lengths grow until two in a row leave more than this share of the failure
+    unseen: float = 0.5  # flights that are added to both: differences far below one flight do not count
     spare_steps: tuple[int, ...] = (0, 1)  # beyond the fewest, besides the number of the path itself
     slower: float = 0.1  # of the fewest steps: the best path is also tried in so many more
     compared: int = 12  # classes, besides those that are swept, whose best path is compared by all flights
@@ -72,8 +84,8 @@ class Effort:
     plateau: float = 1.5  # levels of the sweep: in a wider gap longer paths do not fail less
     gaps: int = 3  # of a front that are divided in a round
     lengthened: float = 1.05  # ratio of the caps beyond the longest point
-    few: int = 3  # failures of all flights, below which a path is not made safer
-    rare: int = 30  # failures of all flights, below which more flights are used
+    few: int = 3  # failures of all flights that are drawn, below which a path is not made safer
+    rare: int = 30  # failures of the usual flights, below which more flights are used
     economic: int = 8  # points of a front, at most, that are tried at lower airspeeds
     economic_steps: tuple[float, ...] = (1.2, 1.45, 1.75)  # factors on their steps, where energy may be saved
     repairs: tuple[int, ...] = (0, 1, 2, 4)  # steps added to a path that cannot be flown

@@ -44,7 +44,6 @@ from pareto_ltl.planning.refine import last_polish
 from pareto_ltl.planning.refine.effort import Effort
 from pareto_ltl.planning.refine.levels import looks, swept_down
 from pareto_ltl.planning.refine.sampled import Candidate, divided
-from pareto_ltl.planning.refine.separation import excess
 from pareto_ltl.planning.refine.starts import (
     Start,
     StartKind,
@@ -55,6 +54,7 @@ from pareto_ltl.planning.refine.starts import (
     unlike_starts,
 )
 from pareto_ltl.planning.refine.sweep import SCOUT_STEPS, Draw, Progress, Sweep, front_of, new_sweep
+from pareto_ltl.planning.separation import excess
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.world.time_step import SHARE_OF_PLACE, narrowest_place

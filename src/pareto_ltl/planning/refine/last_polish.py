@@ -14,11 +14,11 @@ from careful_io.machine import on_all_cores
 from pareto_ltl.planning.evaluate import completing_path
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.planning.refine.effort import Passes
 from pareto_ltl.planning.refine.sampled import Candidate
 from pareto_ltl.planning.refine.starts import retimed_means
 from pareto_ltl.planning.refine.sweep import Sweep, front_of, smoothed, spread_points
 from pareto_ltl.planning.routes.taut_lines import CAP
+from pareto_ltl.planning.separation import excess
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.errors import InfeasibleError
 
@@ -38,16 +38,20 @@ def finished_points(sweep: Sweep, front: Sequence[Candidate]) -> list[Candidate]
 def lengthened_points(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
     """The safest of the finished points lengthened, until two lengths in a row do not reduce the failure.
 
-    The sweeps end at a length where few flights show no gain; here all of them decide.
+    The sweeps end at a length where few flights show no gain; here all of them decide. At each length the
+    path also returns to one of its places, to the one where this saves most.
     """
     effort = sweep.effort
     made, best = list[Candidate](), found[-1] if found else None
-    while best is not None and best.failed * len(sweep.flights) >= effort.few and not sweep.budget.over():
-        caps = (effort.lengthened * best.length, effort.lengthened**2 * best.length)
-        pair = on_all_cores(partial(_finished, sweep, best), caps)
-        limit = effort.worth * best.smoothed
-        best = next((k for k in pair if k.smoothed < limit), None)
-        made += pair
+    while best is not None and best.failed * effort.all_flights >= effort.few and not sweep.budget.over():
+        forms = list[tuple[Candidate, float]]()
+        for cap in (effort.lengthened * best.length, effort.lengthened**3 * best.length):
+            again = sweep.held_within(sweep.returning_lines(best, cap), effort.wide, cap)
+            forms += [(k, cap) for k in (best, *sorted(again, key=smoothed)[:1])]
+        longer = on_all_cores(partial(_finished, sweep), *zip(*forms, strict=True))
+        better = [k for k in longer if sweep.pays(k, best, sweep.flights)]
+        best = min(better, key=lambda k: k.length, default=None)
+        made += longer
     return made
 
 
@@ -58,6 +62,8 @@ def _evenly(sweep: Sweep) -> int:
 
 def divided_gaps(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
     """The front ``found`` with points in its widest gaps, each polished from the longer of its neighbours.
+
+    It is polished from the shorter one, too, if that is of another class.
 
     The width of a gap is what a point in it can add to the hypervolume: the product of the differences of
     its ends in the logarithms of length and of failure. In each round the widest gaps are divided.
@@ -72,7 +78,9 @@ def divided_gaps(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
         below, above = gap
         if sweep.budget.over():
             return above
-        return _finished(sweep, above, math.sqrt(below.length * above.length), effort.between)
+        ends = [above] if sweep.class_of(below) == sweep.class_of(above) else [above, below]
+        cap = math.sqrt(below.length * above.length)
+        return min((_finished(sweep, k, cap) for k in ends), key=smoothed)
 
     left = effort.points - _evenly(sweep)
     for first in range(0, left, effort.gaps):
@@ -83,13 +91,13 @@ def divided_gaps(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
     return front
 
 
-def _finished(sweep: Sweep, k: Candidate, cap: float, passes: Passes | None = None) -> Candidate:
+def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
     """``k`` polished at a length cap; on more flights if few of them fail, since those decide.
 
     Where its airspeeds leave half a step or more to spare, it is also polished in fewer steps.
     """
     problem, refiner = sweep.problem, sweep.refiner
-    how = sweep.polish_of(passes or sweep.effort.last)
+    how = sweep.polish_of(sweep.effort.last)
     made = refiner.polish(_fitting(problem, k, cap), sweep.flights, how, cap, k.origin)
     if fewer := min(round(spare_steps(made)), made.steps - 1):  # a path has at least one step
         x = retimed_means(problem, made.flight.x, made.steps - fewer)
@@ -101,14 +109,18 @@ def _finished(sweep: Sweep, k: Candidate, cap: float, passes: Passes | None = No
 
 def _rarely_fails(sweep: Sweep, k: Candidate) -> bool:
     """Whether too few of the usual flights of ``k`` fail to polish with, though some do."""
-    return sweep.effort.few <= k.failed * len(sweep.flights) < sweep.effort.rare
+    few, failed = sweep.effort.few / sweep.effort.all_flights, k.failed
+    return few <= failed < sweep.effort.rare / len(sweep.flights)
 
 
 def closed(sweep: Sweep, k: Candidate) -> Candidate:
     """``k`` after the last solve, by the convex programme; its failures are those before."""
     flights = (sweep.many() if _rarely_fails(sweep, k) else sweep.flights).exact()
     how = sweep.polish_of(sweep.effort.closing)
-    return k.moved(sweep.closing.polished(k.flight.x, flights, how, k.length))
+    flight = sweep.closing.polished(k.flight.x, flights, how, k.length)
+    if excess(sweep.problem, flight).any():
+        flight = sweep.closing.polished(flight.x, sweep.few, sweep.polish_of(sweep.effort.nearer), k.length)
+    return k.moved(flight)
 
 
 def nearer(sweep: Sweep, k: Candidate) -> Candidate:

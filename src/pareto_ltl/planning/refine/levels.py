@@ -14,7 +14,6 @@ from itertools import chain
 import numpy as np
 
 from careful_io.machine import on_all_cores
-from pareto_ltl.planning.refine.effort import Effort
 from pareto_ltl.planning.refine.sampled import Candidate, fewest_steps, steps_needed
 from pareto_ltl.planning.refine.starts import Start, StartKind, led_starts, returning_starts, unlike_starts
 from pareto_ltl.planning.refine.sweep import Sweep, front_of, smoothed
@@ -119,12 +118,12 @@ def swept_down(sweep: Sweep, seen: Sequence[Candidate]) -> list[list[Candidate]]
     if not seen:
         return []
     effort, spacing = sweep.effort, sweep.effort.spacing
-    cap, levels = _longer_levels(sweep, seen, _longest_worth(effort, seen))
+    cap, levels = _longer_levels(sweep, seen, _longest_worth(sweep, seen))
     cap, beam = effort.within * cap, list[Candidate]()
     known, shortest = [*seen, *chain(*levels)], min(k.length for k in seen)
     while (beam or cap >= shortest) and not sweep.over:
         entering = [k for k in known if cap / spacing < k.length <= cap]
-        begun = [*beam, *sweep.best_of_classes(entering)]
+        begun = [*beam, *sweep.best_of_classes(entering, rival=math.inf)]  # they are not polished as often
         spare = effort.spare_steps
         lines = [line for k in begun for line in timed_lines(sweep, k, spare, slower=k is begun[0])]
         held = sweep.best_of_classes(sweep.held_within(lines, effort.sweep, cap))
@@ -146,29 +145,30 @@ def _longer_levels(
     """
     effort = sweep.effort
     levels, vain, cap, known = list[list[Candidate]](), 0, longest, list(seen)
-    least = min(k.smoothed for k in known if k.length <= effort.within * longest)
+    safest = min((k for k in known if k.length <= effort.within * longest), key=smoothed)
     while vain < 2 and not sweep.over:
         cap *= effort.longer
         shorter = [k for k in known if k.length <= cap]
         longer = [k for k in known if cap < k.length <= effort.shorten * cap]
         groups = (sweep.best_of_classes(some) for some in (shorter, longer))
         lines = [line for k in chain(*groups) for line in timed_lines(sweep, k, effort.spare_steps[1:2])]
+        lines += [line for k in _safest(shorter, effort.flipped) for line in sweep.returning_lines(k, cap)]
         made = sweep.held_within(lines, effort.wide, cap)
         known += made
         levels.insert(0, sweep.best_of_classes(made))
         best = min((*made, *seen[:1]), key=smoothed)
-        vain = 0 if best.smoothed < effort.worth * least else vain + 1
+        vain = 0 if sweep.pays(best, safest, sweep.few) else vain + 1
         if vain == 0:
-            longest, least = best.length, best.smoothed
+            longest, safest = best.length, best
     return longest, levels
 
 
-def _longest_worth(effort: Effort, seen: Iterable[Candidate]) -> float:
-    """The longest length [m] of the front that reduces the failure by a factor ``effort.pays`` or better."""
+def _longest_worth(sweep: Sweep, seen: Iterable[Candidate]) -> float:
+    """The longest length [m] of the front that pays."""
     front = front_of(seen)
     longest = front[0]
     for k in front[1:]:
-        if k.smoothed < effort.pays * longest.smoothed:
+        if sweep.pays(k, longest, sweep.few):
             longest = k
     return longest.length
 

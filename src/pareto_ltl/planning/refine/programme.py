@@ -23,11 +23,11 @@ from pareto_ltl.kernels.descent import RIDGE, SLOWEST, Limits
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import airspeed_limits, propagate
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.separation import Separation, separation
 from pareto_ltl.planning.refine.statement import LineLimit, Shape, Statement, state
 from pareto_ltl.planning.routes.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.planning.routes.taut_lines import CAP, FACE_MARGIN
+from pareto_ltl.planning.separation import Separation, separation
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from pareto_ltl.support.arrays import FloatArray
 from plane_kernels.step_solver import StepModel, Work

@@ -14,7 +14,7 @@ sweeps of a front solve it by :mod:`plane_kernels.step_solver`; the last polish 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -32,10 +32,11 @@ from pareto_ltl.planning.evaluate import (
 )
 from pareto_ltl.planning.margin_model import margin_scratch, model_of_order, nearest_order, ordered
 from pareto_ltl.planning.problem import Problem
+from pareto_ltl.planning.refine.effort import Polish
 from pareto_ltl.planning.refine.programme import Descent, path_limits, programme_for, step_memory
-from pareto_ltl.planning.refine.separation import chance_along, excess
 from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.planning.routes.taut_lines import CAP
+from pareto_ltl.planning.separation import chance_along, excess
 from pareto_ltl.support.arrays import BoolArray, FloatArray, IntArray, length_of
 from plane_logic import margin as km
 from plane_logic.margin_events import MarginModel
@@ -57,8 +58,8 @@ class CommonFlights(Protocol):
     def unaided(self, flight: Flight) -> FloatArray:
         """Deviations (T+1, 2, n) [m] of the same flights without position fixes."""
 
-    def exhausted(self, flight: Flight) -> BoolArray:
-        """Which flights of a robot that corrects its course need more energy than it has (n,)."""
+    def ended(self, flight: Flight) -> tuple[FloatArray, BoolArray]:
+        """The deviations, and which flights of a robot that corrects its course lack energy (n,)."""
 
     def linear(self) -> CommonFlights:
         """The same flights by the law linearised about their path: sooner known, and not exact."""
@@ -73,18 +74,6 @@ class CommonFlights(Protocol):
         """The same flights in ``problem``, whose steps are ``times`` as long."""
 
     def __len__(self) -> int: ...
-
-
-@dataclass(frozen=True, slots=True)
-class Polish:
-    """Effort of a refinement.
-
-    ``widths`` τ [m] in turn, ``inner`` solves for each of them, and the first ``trust`` region [full steps].
-    """
-
-    widths: tuple[float, ...]
-    inner: int = 4
-    trust: float = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,8 +109,12 @@ class Candidate:
 
 @dataclass(slots=True)
 class Refiner:
-    """What all polishes of one problem share."""
+    """What all polishes of one problem share.
 
+    Paths none of whose flights come near a limit are not solved for, unless ``SOLVES_ALL``.
+    """
+
+    SOLVES_ALL: ClassVar[bool] = False
     problem: Problem
     model: MarginModel
     orders: dict[bytes, MarginModel] = field(default_factory=dict)
@@ -189,8 +182,10 @@ class Refiner:
     def polished(self, x: FloatArray, flights: CommonFlights, how: Polish, longest: float) -> Flight:
         """The flight of :meth:`polish`, whose failures are not counted."""
         flight, near, runs = self.flown(x), flights, len(flights)
+        chance = chance_along(self.problem, flight, how.stiff)
         for width in how.widths:
-            flight, near = self._at_width(flight, near, runs, how, width, longest)
+            solves = kd.Solves(how.inner, how.trust, longest, chance)
+            flight, near = self._at_width(flight, near, runs, width, solves)
         return flight
 
     def worth_of_fixes(
@@ -212,9 +207,10 @@ class Refiner:
         Flights that need more energy than the robot has fail; the solves do not see them. What the
         worst segment exceeds epsilon by is added to the smoothed failure, unless the last solve can mend it.
         """
-        here, margins = self.slope(flight.x, flights.deviations(flight), width, len(flights))
+        off, exhausted = flights.ended(flight)
+        here, margins = self.slope(flight.x, off, width, len(flights))
         failed, kind = margins < 0.0, path_class(self.problem, flight.x)
-        landed = float((flights.exhausted(flight) & ~failed).mean())
+        landed = float((exhausted & ~failed).mean())
         above = max(float(excess(self.problem, flight).max()) - MENDED, 0.0)
         breach = above / (above + HALF)
         smoothed = here.value + landed + breach
@@ -223,7 +219,7 @@ class Refiner:
         )
 
     def _at_width(
-        self, flight: Flight, near: CommonFlights, runs: int, how: Polish, width: float, longest: float
+        self, flight: Flight, near: CommonFlights, runs: int, width: float, solves: kd.Solves
     ) -> tuple[Flight, CommonFlights]:
         """The flight after the solves at one width, and the flights that still count.
 
@@ -231,14 +227,15 @@ class Refiner:
         """
         off = near.deviations(flight)
         here, margins = self.slope(flight.x, off, width, runs)
-        rows = np.flatnonzero(margins < COUNTED * width + how.trust * self.problem.reach)
-        if len(rows) == 0:
+        rows = np.flatnonzero(margins < COUNTED * width + solves.trust * self.problem.reach)
+        if len(rows) == 0 and not self.SOLVES_ALL:
             return flight, near
+        if len(rows) == 0:
+            rows = np.array([margins.argmin()])
         if len(rows) < ALL * len(margins):
             off, near = np.ascontiguousarray(off[:, :, rows]), near.only(rows)
         worth = self.worth_of_fixes(flight, near, here, width, runs)
         sample = kd.Sample(off, width, off.shape[2] / runs, worth, here.value)
-        solves = kd.Solves(how.inner, how.trust, longest, chance_along(self.problem, flight))
         return self.descended(flight, here, sample, solves), near
 
     def descended(self, flight: Flight, here: Descent, sample: kd.Sample, solves: kd.Solves) -> Flight:
@@ -261,6 +258,8 @@ class Refiner:
 @dataclass(slots=True)
 class ConstrainedRefiner(Refiner):
     """Polishes within ``planner.epsilon`` in every segment, by the programme of :mod:`~.programme`."""
+
+    SOLVES_ALL: ClassVar[bool] = True
 
     def descended(self, flight: Flight, here: Descent, sample: kd.Sample, solves: kd.Solves) -> Flight:
         """Decides like :func:`~pareto_ltl.kernels.descent.descend`."""

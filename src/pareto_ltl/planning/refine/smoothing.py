@@ -16,11 +16,11 @@ from pareto_ltl.planning.evaluate import completing_path, evaluate_path, propaga
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath, objective_row
 from pareto_ltl.planning.refine.programme import Programme, programme
-from pareto_ltl.planning.refine.separation import breach_text, kept_deviations, within_limits
 from pareto_ltl.planning.refine.starts import Start, first_starts, paced_line
 from pareto_ltl.planning.routes.obligations import MissionOrder, completes, mission_order, path_obligations
 from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.planning.routes.taut_lines import CAP, pull_taut, taut_line, walk_line
+from pareto_ltl.planning.separation import breach_text, kept_deviations, within_limits
 from pareto_ltl.settings import SmoothingConfig
 from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.errors import InfeasibleError

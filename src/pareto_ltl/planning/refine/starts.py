@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -121,6 +121,7 @@ def line_starts(problem: Problem, effort: Effort = USUAL) -> list[Start]:
     """Taut lines of the first orders that the automaton allows, each at several distances from obstacles.
 
     The distances are in standard deviations of a robot that waits at the start for as long as the line takes.
+    Orders after ``effort.varied_orders`` have one line each, at the largest distance that obstacles leave.
     Lines lead through the middle of regions or, where none of these can be flown before the wind ends, less
     far into them.
     """
@@ -128,10 +129,14 @@ def line_starts(problem: Problem, effort: Effort = USUAL) -> list[Start]:
     cov = square_matrices(propagate(problem, waits).cov)
     orders, found = possible_orders(problem, effort.orders), list[Start]()
     for depth in effort.depths:
-        for plan, z in product(orders, effort.distances):
-            line = taut_line(problem, plan, waits[:1], cov, depth, z)
-            if line is not None:
+        for number, plan in enumerate(orders):
+            for z in effort.distances:
+                line = taut_line(problem, plan, waits[:1], cov, depth, z)
+                if line is None:
+                    continue
                 found += _walked(problem, line, f"taut line, {z:g} deviations from obstacles")
+                if number >= effort.varied_orders:
+                    break
         if found:
             break
     return found

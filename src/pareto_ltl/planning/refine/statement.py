@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from pareto_ltl.planning.refine.separation import ROWS
+from pareto_ltl.planning.separation import ROWS
 
 RELIEF = 50.0  # penalty for violating a constraint by a full step; above every multiplier observed
 PIECES = (0.5, 1.0, 1.5, 2.0, 2.4, 2.8, 3.2, 3.6, 4.1)  # tangents of 1 - Φ for witnesses

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple, TypeVar
 
@@ -12,19 +12,24 @@ import numpy as np
 from careful_io.machine import made_once, on_all_cores
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.effort import Effort, Passes
+from pareto_ltl.planning.refine.effort import Effort, Polish
 from pareto_ltl.planning.refine.sampled import (
     Candidate,
     CommonFlights,
     ConstrainedRefiner,
-    Polish,
     Refiner,
     fewest_steps,
     steps_needed,
 )
-from pareto_ltl.planning.refine.starts import Start, flipped_starts, retimed_means, unlike_starts
+from pareto_ltl.planning.refine.starts import (
+    Start,
+    flipped_starts,
+    retimed_means,
+    returning_starts,
+    unlike_starts,
+)
 from pareto_ltl.planning.routes.path_classes import PathClass, path_class
-from pareto_ltl.support.arrays import FloatArray
+from pareto_ltl.support.arrays import FloatArray, length_of
 from pareto_ltl.support.budget import UNLIMITED, Budget
 
 Item = TypeVar("Item")
@@ -85,11 +90,10 @@ class Sweep:
         """The steps that are reported: some of each scout, and the last polish."""
         return SCOUT_STEPS * self.effort.scouts + 1
 
-    def polish_of(self, passes: Passes) -> Polish:
-        """The polish ``passes`` on this map."""
+    def polish_of(self, how: Polish) -> Polish:
+        """A polish of the effort, with widths on this map."""
         size = float(np.ptp(self.problem.scene.bounds, axis=0).mean())
-        widths, solves = passes
-        return Polish(tuple(size * w for w in widths), solves)
+        return replace(how, widths=tuple(size * width for width in how.widths))
 
     def timed_means(self, x: FloatArray, spare: int) -> FloatArray:
         """The line of ``x`` in the fewest steps and ``spare`` more; more where windows open later."""
@@ -97,7 +101,7 @@ class Sweep:
         return retimed_means(problem, x, min(max(fewest_steps(needed) + spare, 2), problem.horizon), needed)
 
     def held_within(
-        self, lines: Iterable[tuple[FloatArray, int, str]], passes: Passes, cap: float
+        self, lines: Iterable[tuple[FloatArray, int, str]], passes: Polish, cap: float
     ) -> list[Candidate]:
         """Lines (means, steps beyond the fewest, origin) polished at a length cap; returns those within."""
         how, longest = self.polish_of(passes), self.effort.within * cap
@@ -130,17 +134,25 @@ class Sweep:
         """The class of ``k``."""
         return path_class(self.problem, k.flight.x) if k.kind is None else k.kind
 
-    def best_of_classes(self, found: Iterable[Candidate], more: int = 0) -> list[Candidate]:
+    def best_of_classes(
+        self, found: Iterable[Candidate], more: int = 0, rival: float | None = None
+    ) -> list[Candidate]:
         """The best candidate of each class, least failure first, of ``effort.classes`` and ``more`` at most.
 
-        Classes that fail more than ``effort.rival`` times as often as the best one are left out.
+        Classes that fail more than ``rival``, by default ``effort.rival``, times as often as the best one are
+        left out.
         """
-        best: dict[PathClass, Candidate] = {}
+        best, rival = dict[PathClass, Candidate](), self.effort.rival if rival is None else rival
         for k in sorted(found, key=smoothed):
-            if best and k.smoothed > self.effort.rival * next(iter(best.values())).smoothed:
+            if best and k.smoothed > rival * next(iter(best.values())).smoothed:
                 break
             best.setdefault(self.class_of(k), k)
         return list(best.values())[: self.effort.classes + more]
+
+    def pays(self, k: Candidate, shorter: Candidate, flights: CommonFlights) -> bool:
+        """Whether ``k`` fails so much less than a ``shorter`` path in ``flights`` that its length pays."""
+        unseen = self.effort.unseen / len(flights)
+        return k.smoothed + unseen < self.effort.pays * (shorter.smoothed + unseen)
 
     def hope_of(self, seen: Iterable[Candidate]) -> Hope:
         """What paths have to reach beside the best one ``seen``: not succeed far more rarely.
@@ -152,6 +164,12 @@ class Sweep:
             return SOME
         failure = 1.0 - self.effort.hopeless * (1.0 - best.failure)
         return Hope(failure, failure if best.breach == 0.0 else 1.0 + 0.5 * best.smoothed)
+
+    def returning_lines(self, k: Candidate, cap: float) -> list[tuple[FloatArray, int, str]]:
+        """Lines of ``k`` that pass one place twice; none far longer than ``cap`` [m]."""
+        starts = returning_starts(self.problem, k.flight, k.origin)
+        within = (s for s in starts if length_of(s.x) <= self.effort.shorten * cap)
+        return [(s.x, self.effort.spare_steps[-1], s.origin) for s in within]
 
     def on_other_sides(self, found: Iterable[Candidate], known: Container[PathClass]) -> list[Start]:
         """``found`` bent past every near obstacle on its other side; one start of each class not known."""

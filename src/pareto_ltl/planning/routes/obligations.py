@@ -188,8 +188,9 @@ def mission_order(problem: Problem, path: PlannedPath) -> MissionOrder | None:
 def possible_orders(problem: Problem, limit: int) -> list[MissionOrder]:
     """Orders that the automaton allows, each transition closer to acceptance; ``limit`` at most.
 
-    Trees find the orders that suit their samples; another one may be better after smoothing. Of more than
-    ``BEGUN`` unfinished orders of one length, the orders with the shortest way are extended.
+    Those with fewer transitions come first, of these those with the shortest way. Trees find the orders that
+    suit their samples; another one may be better after smoothing. Of more than ``BEGUN`` unfinished orders of
+    one length, the orders with the shortest way are extended.
     """
     logic, places = problem.logic, _label_places(problem)
     delta, start = helpful_delta(logic), problem.scene.start
@@ -206,9 +207,7 @@ def possible_orders(problem: Problem, limit: int) -> list[MissionOrder]:
                 then = int(delta[begun.state, column])
                 if logic.distance[then] < logic.distance[begun.state]:
                     longer.append(begun.followed_by(label, then, middles))
-        if len(longer) > BEGUN:
-            longer = sorted(longer, key=lambda one: one.length)[:BEGUN]
-        level = longer
+        level = sorted(longer, key=lambda one: one.length)[:BEGUN]
     return found[:limit]
 
 

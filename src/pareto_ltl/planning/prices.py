@@ -33,7 +33,7 @@ from pareto_ltl.planning.problem import Problem, barrier_outlines, barrier_polyg
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.refine.programme import Descent, Solution, programme_for
 from pareto_ltl.planning.refine.sampled import deviations_from
-from pareto_ltl.planning.refine.separation import barrier_names, keeps_epsilon
+from pareto_ltl.planning.separation import barrier_names, keeps_epsilon
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from plane_logic import margin as km
 from plane_logic.margin_events import NOWHERE, MarginModel, Scratch

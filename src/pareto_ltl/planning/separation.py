@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.limits import WorstSegment
 from pareto_ltl.planning.pack import NO_LIMIT, pack_faces
 from pareto_ltl.planning.pack_logic import pack_corners
-from pareto_ltl.planning.problem import LEAST_VARIANCE, Problem, barrier_polygons, lines_of
+from pareto_ltl.planning.problem import LEAST_VARIANCE, Problem, barrier_outlines, lines_of
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.planning.routes.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.routes.search_map import search_map
@@ -33,6 +34,7 @@ ROWS = 2  # lines of a segment in a programme, the closest ones (3 take half as 
 ALIKE = 0.25  # relative difference of two risks of a segment that does not decide which path is nearer
 ROUNDING = 1e-6  # relative excess over epsilon that is rounding
 KEPT = 1.4  # standard deviations that taut lines keep where polygons share epsilon as they need it
+_POLYGONS: WeakKeyDictionary[Problem, kd.Corners] = WeakKeyDictionary()
 WALLS = ("western", "eastern", "southern", "northern")
 
 
@@ -79,36 +81,27 @@ def separation(
     return SEPARATIONS[type(problem.world.collision)](problem, flight, avoid, around)
 
 
-def forbidden_polygons(problem: Problem, avoid: BoolArray) -> tuple[list[FloatArray], BoolArray]:
-    """Convex polygons around the cells to ``avoid`` (T+1, C), and at which steps to avoid each, (T+1, m).
+def forbidden_polygons(problem: Problem) -> list[FloatArray]:
+    """Convex polygons (k, 2) [m] around the labelled cells, which a path may have to avoid."""
+    return [polygon for group in search_map(problem).shown.values() for polygon in group.around]
+
+
+def avoided(problem: Problem, flight: Flight, avoid: BoolArray | None = None) -> BoolArray:
+    """Which of the forbidden polygons each segment avoids (T, m); ``avoid`` as in :func:`separation`.
 
     Where many cells with one label are merged into one shape, it is avoided at steps where all of them are.
     """
-    found = list(_forbidden_groups(problem, avoid))
-    polygons = [polygon for _, group, _ in found for polygon in group]
-    return polygons, np.hstack([np.zeros((len(avoid), 0), bool), *(requested for *_, requested in found)])
-
-
-def _forbidden_groups(
-    problem: Problem, avoid: BoolArray
-) -> Iterator[tuple[frozenset[str], list[FloatArray], BoolArray]]:
-    """The propositions that cells to avoid show, their k polygons, and when to avoid each (T+1, k)."""
-    for names, group in search_map(problem).shown.items():
+    if avoid is None and len(problem.logic.hazards):
+        avoid = path_obligations(problem, flight.x, flight.cov).avoid
+    elif avoid is None:
+        avoid = np.zeros((len(flight.x), len(problem.labels)), bool)
+    parts = [np.zeros((len(flight.u), 0), bool)]
+    for group in search_map(problem).shown.values():
         hit = avoid[:, group.cells]
         if group.united:
             hit = np.repeat(np.all(hit, axis=1, keepdims=True), len(group.around), axis=1)
-        wanted = np.flatnonzero(hit.any(axis=0))
-        yield names, [group.around[k] for k in wanted], hit[:, wanted]
-
-
-def _avoided(problem: Problem, flight: Flight, avoid: BoolArray | None) -> tuple[list[FloatArray], BoolArray]:
-    """The forbidden polygons, and which of them each segment avoids (T, m)."""
-    if avoid is None:
-        if not len(problem.logic.hazards):
-            return [], np.zeros((len(flight.u), 0), bool)
-        avoid = path_obligations(problem, flight.x, flight.cov).avoid
-    polygons, requested = forbidden_polygons(problem, avoid)
-    return polygons, requested[1:] & requested[:-1]
+        parts.append(hit[1:] & hit[:-1])
+    return np.hstack(parts)
 
 
 def allowed_risk(problem: Problem) -> float:
@@ -125,15 +118,13 @@ def kept_deviations(problem: Problem) -> float:
 # --- supporting lines --------------------------------------------------------------------------
 
 
-def chance_along(problem: Problem, flight: Flight) -> Chance:
+def chance_along(problem: Problem, flight: Flight, stiff: float) -> Chance:
     """The chance constraint of paths in the steps of ``flight``, and in its order of visits."""
     T, limit = len(flight.u), allowed_risk(problem)
-    if math.isinf(limit):  # what a path avoids is not looked for
-        corners, requested = barrier_polygons(problem), np.zeros((T, 0), bool)
-    else:
-        corners, requested = _polygons_along(problem, flight, None)
+    asked = not math.isinf(limit)  # else what a path avoids is not looked for
+    requested = _requested(problem, flight, None) if asked else np.zeros((T, 0), bool)
     lines = SegmentLines(np.empty((T, ROWS, 4)), np.empty((T, ROWS), np.int64), np.empty(T))
-    return Chance(corners, requested, limit, LEAST_VARIANCE, lines, np.empty((ROWS, 4)))
+    return Chance(stiff, _all_polygons(problem), requested, limit, LEAST_VARIANCE, lines, np.empty((ROWS, 4)))
 
 
 def excess(problem: Problem, flight: Flight) -> FloatArray:
@@ -141,33 +132,38 @@ def excess(problem: Problem, flight: Flight) -> FloatArray:
     limit = allowed_risk(problem)
     if math.isinf(limit):
         return np.zeros(len(flight.u))
-    return np.maximum(separation(problem, flight).risk / limit - 1.0 - ROUNDING, 0.0)
+    return np.maximum(segment_risks(problem, flight) / limit - 1.0 - ROUNDING, 0.0)
 
 
-def _polygons_along(
-    problem: Problem, flight: Flight, avoid: BoolArray | None
-) -> tuple[kd.Corners, BoolArray]:
-    """The barriers and the forbidden polygons, and which of them each segment avoids (T, m)."""
-    polygons, requested = _avoided(problem, flight, avoid)
-    corners = barrier_polygons(problem)
-    everywhere = np.ones((len(flight.u), len(corners.radius)), bool)
-    if polygons:
-        own = pack_corners(range(len(polygons)), polygons)
-        corners = kd.Corners(
-            np.concatenate([corners.cell, own.cell]), np.vstack([corners.middle, own.middle]),
-            np.concatenate([corners.radius, own.radius]),
-            np.concatenate([corners.ptr, corners.ptr[-1] + own.ptr[1:]]),
-            np.vstack([corners.corner, own.corner]),
-        )  # fmt: skip
-    return corners, np.hstack([everywhere, requested])
+def segment_risks(problem: Problem, flight: Flight) -> FloatArray:
+    """The probability of a collision in each segment (T,) of ``flight``."""
+    if isinstance(problem.world.collision, kd.StepBound):
+        return separation(problem, flight).risk
+    requested = _requested(problem, flight, None)
+    return lines_of(_all_polygons(problem), requested, flight.x, flight.cov, 1).risk
+
+
+def _all_polygons(problem: Problem) -> kd.Corners:
+    """The barriers, then the forbidden polygons, made once."""
+    found = _POLYGONS.get(problem)
+    if found is None:
+        polygons = [*barrier_outlines(problem), *forbidden_polygons(problem)]
+        _POLYGONS[problem] = found = pack_corners(range(len(polygons)), polygons)
+    return found
+
+
+def _requested(problem: Problem, flight: Flight, avoid: BoolArray | None) -> BoolArray:
+    """Which of the barriers and forbidden polygons each segment avoids (T, m): all barriers."""
+    everywhere = np.ones((len(flight.u), len(barrier_outlines(problem))), bool)
+    return np.hstack([everywhere, avoided(problem, flight, avoid)])
 
 
 def _by_lines(problem: Problem, flight: Flight, avoid: BoolArray | None, around: float) -> Separation:
     """Supporting lines; the programme lets their polygons share ``epsilon`` as they need it, Eq. (M51)."""
     from scipy.special import ndtr
 
-    corners, requested = _polygons_along(problem, flight, avoid)
-    line, owner, risk = lines_of(corners, requested, flight.x, flight.cov, ROWS, around)
+    requested = _requested(problem, flight, avoid)
+    line, owner, risk = lines_of(_all_polygons(problem), requested, flight.x, flight.cov, ROWS, around)
     normal, offset = line[..., :2], line[..., 2]
     cov = np.stack([flight.cov[:-1], flight.cov[1:]], axis=1)
     n, e = normal[..., 0][:, None], normal[..., 1][:, None]
@@ -189,7 +185,7 @@ def _by_faces(problem: Problem, flight: Flight, avoid: BoolArray | None, _around
     """
     from scipy.special import ndtr
 
-    polygons, requested = _avoided(problem, flight, avoid)
+    polygons, requested = forbidden_polygons(problem), avoided(problem, flight, avoid)
     z = kept_deviations(problem)
     everywhere = np.ones((len(flight.u), len(problem.barriers.ptr) - 1), bool)
     sets = [(problem.barriers, flight.cov, everywhere), (pack_faces(polygons), 0.0 * flight.cov, requested)]
@@ -253,7 +249,7 @@ SEPARATIONS: dict[type, Callable[[Problem, Flight, BoolArray | None, float], Sep
 def keeps_epsilon(problem: Problem, path: PlannedPath) -> bool:
     """Whether no segment of ``path`` is more likely to collide than ``planner.epsilon`` allows."""
     limit = _limit(problem)
-    return math.isinf(limit) or bool(separation(problem, propagate(problem, path.x)).risk.max() <= limit)
+    return math.isinf(limit) or bool(segment_risks(problem, propagate(problem, path.x)).max() <= limit)
 
 
 def _limit(problem: Problem) -> float:
@@ -266,7 +262,7 @@ def worst_segment(problem: Problem, path: PlannedPath) -> WorstSegment:
     flight = propagate(problem, path.x)
     part = separation(problem, flight)
     step = int(part.risk.argmax())
-    name = _polygon_name(problem, flight, int(part.owner[step, 0]))
+    name = _polygon_name(problem, int(part.owner[step, 0]))
     return WorstSegment(step, name, min(1.0, float(part.risk[step])))
 
 
@@ -308,7 +304,7 @@ def breach_text(problem: Problem, paths: Sequence[PlannedPath]) -> str:
 
 def _largest_risks(problem: Problem, paths: Sequence[PlannedPath]) -> FloatArray:
     """The risk of the worst segment of each path (P,)."""
-    return np.array([separation(problem, propagate(problem, path.x)).risk.max() for path in paths])
+    return np.array([segment_risks(problem, propagate(problem, path.x)).max() for path in paths])
 
 
 def _admitting(risk: float) -> float:
@@ -316,13 +312,11 @@ def _admitting(risk: float) -> float:
     return min(round_up(1.05 * float(risk)), 0.99)
 
 
-def _polygon_name(problem: Problem, flight: Flight, number: int) -> str:
-    """The name of the polygon ``number`` of a separation: a barrier, then the forbidden cells of the path."""
+def _polygon_name(problem: Problem, number: int) -> str:
+    """The name of the polygon ``number`` of a separation: a barrier, then the forbidden polygons."""
     names = barrier_names(problem)
-    if number >= len(names):
-        avoid = path_obligations(problem, flight.x, flight.cov).avoid
-        groups = _forbidden_groups(problem, avoid)
-        names += [f"region {' and '.join(sorted(shown))}" for shown, parts, _ in groups for _ in parts]
+    for shown, group in search_map(problem).shown.items():
+        names += [f"region {' and '.join(sorted(shown))}"] * len(group.around)
     return names[number] if number >= 0 else "no barrier"
 
 
