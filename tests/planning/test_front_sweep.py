@@ -498,9 +498,9 @@ def test_a_second_scout_goes_on_from_the_looks_of_the_first(looked):
     assert {k.flight.x.tobytes() for k in own} == {k.flight.x.tobytes() for k in seen}
     width = begun.polish_of(EFFORT.sweep).widths[-1]
     for k in own[:3]:
-        there = second.refiner.assessed(k.flight, second.few, width)
+        there = second.refiner.assessed(k.flight, second.few, width, 1.0)
         assert k.smoothed == there.smoothed
-        assert k.smoothed != first.refiner.assessed(k.flight, first.few, width).smoothed
+        assert k.smoothed != first.refiner.assessed(k.flight, first.few, width, 1.0).smoothed
 
 
 def test_a_path_is_polished_in_the_fewest_steps_and_its_own_and_in_more_where_it_may_be_slower(looked):

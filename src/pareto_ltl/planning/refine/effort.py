@@ -14,12 +14,14 @@ class Polish:
 
     ``widths`` τ [m] in turn, ``inner`` solves for each of them, the first ``trust`` region [full steps], and
     the penalty ``stiff`` of a standard deviation that a segment lacks of its chance constraint [failures].
+    A segment that exceeds epsilon by the share ``half`` counts afterwards like one flight in two that fails.
     """
 
     widths: tuple[float, ...]
     inner: int = 4
     trust: float = 0.5
     stiff: float = 2.0  # with 10, paths did not find the way to other classes
+    half: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +45,8 @@ class Effort:
     first: Polish = Polish((0.020, 0.007), 4)  # of a start
     sweep: Polish = Polish((0.008, 0.004), 3)  # at a length cap, from a path polished before
     wide: Polish = Polish((0.020, 0.008, 0.004), 3)  # of a path that may have to change its form
-    last: Polish = Polish((0.003, 0.002), 4, stiff=20.0)  # of a point of the front
-    finest: Polish = Polish((0.002,), 4, stiff=20.0)
+    last: Polish = Polish((0.003, 0.002), 4, stiff=20.0, half=0.1)  # of a point of the front
+    finest: Polish = Polish((0.002,), 4, stiff=20.0, half=0.1)
     closing: Polish = Polish((0.002,), 1, trust=0.1)  # within the chance constraints, by a general solver
     nearer: Polish = Polish((0.002,), 12, trust=0.1)  # the same, of a path that does not keep epsilon
 

@@ -82,11 +82,11 @@ def _promising(sweep: Sweep, starts: Sequence[Start]) -> list[Start]:
 
 def _flown_once(sweep: Sweep, starts: Sequence[Start]) -> FloatArray:
     """Smoothed failure and length [m] of each start in one simulation, (n, 2)."""
-    width = sweep.polish_of(sweep.effort.first).widths[0]
+    how = sweep.polish_of(sweep.effort.first)
 
     def row(start: Start) -> tuple[float, float]:
         flight = sweep.refiner.flown(sweep.timed_means(start.x, 1))
-        k = sweep.refiner.assessed(flight, sweep.few, width)
+        k = sweep.refiner.assessed(flight, sweep.few, how.widths[0], how.half)
         return k.smoothed, k.length
 
     return np.array(on_all_cores(row, starts))

@@ -42,8 +42,7 @@ from plane_logic import margin as km
 from plane_logic.margin_events import MarginModel
 
 EXCESS = 10.0  # penalty per relative excess of a segment over epsilon
-MENDED = 0.1  # excess that the last solve mends
-HALF = 1.0  # excess that counts as much as one flight in two that fails
+MENDED = 0.1  # share of ``Polish.half`` that the last solve mends
 COUNTED = 8.0  # widths: a flight with a larger margin counts for less than 3e-4
 FINER = 8  # parts of a leg in which letters are looked for that no step reads
 ALL = 0.9  # if more than this share of the flights counts, all are retained: copying winds takes longer
@@ -177,7 +176,8 @@ class Refiner:
         self, x: FloatArray, flights: CommonFlights, how: Polish, longest: float, origin: str = ""
     ) -> Candidate:
         """The result of trust-region Newton from the means ``x`` (T+1, 2), about ``longest`` [m] at most."""
-        return self.assessed(self.polished(x, flights, how, longest), flights, how.widths[-1], origin)
+        flight = self.polished(x, flights, how, longest)
+        return self.assessed(flight, flights, how.widths[-1], how.half, origin)
 
     def polished(self, x: FloatArray, flights: CommonFlights, how: Polish, longest: float) -> Flight:
         """The flight of :meth:`polish`, whose failures are not counted."""
@@ -201,8 +201,10 @@ class Refiner:
         alone, _ = self.slope(flight.x, flights.unaided(flight), width, runs)
         return max(alone.value - here.value, 0.0)
 
-    def assessed(self, flight: Flight, flights: CommonFlights, width: float, origin: str = "") -> Candidate:
-        """``flight`` as it is, with its failure smoothed over ``width`` [m].
+    def assessed(
+        self, flight: Flight, flights: CommonFlights, width: float, half: float, origin: str = ""
+    ) -> Candidate:
+        """``flight`` as it is, with its failure smoothed over ``width`` [m]; ``half`` as in :class:`Polish`.
 
         Flights that need more energy than the robot has fail; the solves do not see them. What the
         worst segment exceeds epsilon by is added to the smoothed failure, unless the last solve can mend it.
@@ -211,8 +213,8 @@ class Refiner:
         here, margins = self.slope(flight.x, off, width, len(flights))
         failed, kind = margins < 0.0, path_class(self.problem, flight.x)
         landed = float((exhausted & ~failed).mean())
-        above = max(float(excess(self.problem, flight).max()) - MENDED, 0.0)
-        breach = above / (above + HALF)
+        above = max(float(excess(self.problem, flight).max()) - MENDED * half, 0.0)
+        breach = above / (above + half)
         smoothed = here.value + landed + breach
         return Candidate(
             flight, length_of(flight.x), smoothed, float(failed.mean()) + landed, origin, kind, breach

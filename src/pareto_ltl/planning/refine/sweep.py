@@ -122,8 +122,8 @@ class Sweep:
 
     def reassessed(self, k: Candidate, flights: CommonFlights) -> Candidate:
         """A path of another search, with its failures in ``flights``."""
-        width = self.polish_of(self.effort.sweep).widths[-1]
-        return self.refiner.assessed(k.flight, flights, width, k.origin)
+        how = self.polish_of(self.effort.sweep)
+        return self.refiner.assessed(k.flight, flights, how.widths[-1], how.half, k.origin)
 
     def compared(self, found: Iterable[Candidate]) -> list[Candidate]:
         """The paths ``found`` by another scout, with their failures in the few flights of this one."""
