@@ -190,6 +190,22 @@ def test_lines_are_drawn_for_every_order_of_the_mission():
     assert len({tuple(tuple(sorted(label)) for _, label in order) for order in orders}) == 2
 
 
+def test_lines_after_the_first_orders_have_one_distance_from_obstacles():
+    """Of six orders three have lines at all distances, the others one, at the largest that there is."""
+    regions = {"a": box(13, 2, 17, 6), "b": box(3, 13, 7, 17), "c": box(14, 14, 18, 18)}
+    scene = make_scene(regions, [box(9, 8, 12, 11)], start=(2.0, 3.0))
+    robot = RobotConfig(dt=100.0, u_max=12.0, start_sd=100.0)
+    wind = smooth_wind(scene, speed=1.5, sd=0.9, gust=0.5)
+    problem = make_problem("F a & F b & F c", scene, wind, robot, PLANNER, fidelity="full")
+    drawn: dict[object, list[str]] = {}
+    for start in line_starts(problem):
+        drawn.setdefault(path_class(problem, start.x).order, []).append(start.origin)
+    numbers = sorted(map(len, drawn.values()))
+    assert numbers[:3] == [1, 1, 1]
+    assert len(numbers) == 6
+    assert numbers[3] > 1
+
+
 def test_lines_lead_less_far_into_regions_where_the_wind_ends_too_soon(grown):
     problem, _ = grown
     middle = line_starts(problem)
@@ -533,6 +549,54 @@ def test_the_widest_gaps_of_a_front_are_divided(grown):
     )
     assert after > 1.02 * before
     assert all(few[0].length <= k.length <= few[1].length * EFFORT.within for k in more)
+
+
+def test_the_middle_of_a_gap_between_two_classes_is_polished_from_both(grown, monkeypatch):
+    """In a gap between two paths of one class from the longer one alone."""
+    problem, _ = grown
+    flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(5))
+    begun = front_sweep.new_sweep(Effort.of(replace(REFINE, points=3)), problem, first_of(flights))
+    front = front_within(grown, UNLIMITED)
+    ends = [front[0], front[-1]]
+    begins = list[Candidate]()
+    monkeypatch.setattr(last_polish, "finished_point", lambda _sweep, k, _cap: begins.append(k) or k)
+    other = replace(path_class(problem, ends[0].flight.x), words=((1,), (2,)))
+    for kinds, wanted in (((None, None), ends[1:]), ((other, None), ends[::-1])):
+        begins.clear()
+        last_polish.divided_gaps(begun, [replace(k, kind=kind) for k, kind in zip(ends, kinds, strict=True)])
+        if kinds[0] is None and len({path_class(problem, k.flight.x) for k in ends}) > 1:
+            continue
+        assert {k.flight.x.tobytes() for k in begins} == {k.flight.x.tobytes() for k in wanted}
+
+
+def test_the_safest_point_is_lengthened_by_a_return_if_that_saves_most(grown, monkeypatch):
+    """Lines that pass a place twice are among those that are polished, at a cap that they may have."""
+    problem, _ = grown
+    flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(5))
+    begun = front_sweep.new_sweep(EFFORT, problem, first_of(flights))
+    best = front_within(grown, UNLIMITED)[-1]
+    polished = list[str]()
+    finished = last_polish.finished_point
+    monkeypatch.setattr(
+        last_polish, "finished_point", lambda s, k, cap: polished.append(k.origin) or finished(s, k, cap)
+    )
+    made = last_polish.lengthened_points(begun, [replace(best, failed=0.5)])
+    assert any(origin.endswith("returning") for origin in polished)
+    assert len(made) == len(polished) >= 2
+    assert min(k.length for k in made) > best.length
+    assert not last_polish.lengthened_points(begun, [replace(best, failed=0.0)])
+
+
+@pytest.mark.parametrize(("shorter", "longer", "pays"), [
+    (0.2, 0.18, True), (0.2, 0.195, False), (0.002, 0.001, True), (2e-5, 1e-5, False),
+])  # fmt: skip
+def test_a_longer_path_pays_if_it_fails_less_and_flights_can_tell(grown, shorter, longer, pays):
+    problem, _ = grown
+    flights = draw_flights(problem, problem.fidelity.law, REFINE.flights, SeedSequence(5))
+    begun = front_sweep.new_sweep(EFFORT, problem, first_of(flights))
+    flight = propagate(problem, line_starts(problem)[0].x)
+    one, other = (Candidate(flight, 1.0, smoothed, smoothed) for smoothed in (shorter, longer))
+    assert begun.pays(other, one, begun.flights) == pays
 
 
 def test_where_the_best_order_breaks_epsilon_another_one_is_searched():

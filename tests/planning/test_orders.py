@@ -30,6 +30,16 @@ def test_few_regions_have_all_their_orders():
     assert len(words(problem, 5)) == 5
 
 
+def test_the_shortest_ways_come_first():
+    """Regions on a line east of the start: of all orders the one from west to east is the first."""
+    names = "abcd"
+    regions = {name: box(4 + 3 * k, 9, 5 + 3 * k, 10) for k, name in enumerate(names)}
+    scene = make_scene(regions, start=(1.0, 9.5))
+    problem = make_problem(" & ".join(f"F {name}" for name in reversed(names)), scene)
+    assert words(problem, 24)[0] == "abcd"
+    assert words(problem, 3) == words(problem, 24)[:3]
+
+
 @pytest.mark.parametrize("most", [1, 24])
 def test_of_many_orders_those_of_a_short_way_are_found(most):
     problem, names = visits(9)

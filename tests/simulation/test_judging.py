@@ -232,6 +232,33 @@ def test_refined_paths_that_rarely_fail_stay_among_many(monkeypatch, task, given
     assert len(fly_race(task, paths, 20_000, SeedSequence(8), judging.CROWD)) < len(paths)
 
 
+def test_a_race_ends_when_every_path_that_is_left_has_failed_often_enough(monkeypatch, task, given_paths):
+    """Its flights are the first of a race without such an end; rare failures need all of them."""
+    often = (0.4, 0.3, 0.25)
+
+    def failing(rates):
+        def made(_problem, paths, runs, _seed):
+            blocks = block_rows(runs)
+            failed = np.random.default_rng(4).random((runs, 1)) < np.array(rates)
+            return blocks, lambda number, running: failed[blocks[number]][:, running].T
+
+        return made
+
+    paths = [
+        replace(given_paths[1][0], objectives=replace(COSTS, costs={"length": 1.0 + k})) for k in range(3)
+    ]
+    for rates, ended in ((often, 1000), ((0.4, 0.3, 0.06), 4000), ((0.4, 0.3, 1e-4), 16_000)):
+        monkeypatch.setattr(judging, "race_of", failing(rates))
+        race = judging.race_among(task, paths, 16_000, SeedSequence(8), enough=judging.ENOUGH)
+        whole = judging.race_among(task, paths, 16_000, SeedSequence(8))
+        assert [len(one.failed) for one in race.flown] == [ended] * 3
+        assert race.rows[:, 0].tolist() == [ended] * 3
+        for one, all_of in zip(race.flown, whole.flown, strict=True):
+            np.testing.assert_array_equal(one.failed, all_of.failed[:ended])
+        if ended < 16_000:
+            assert min(one.failed.sum() for one in race.flown) >= judging.ENOUGH
+
+
 @settings(deadline=None, max_examples=40)
 @given(st.lists(st.tuples(st.integers(0, 30), st.integers(0, 30)), min_size=1, max_size=90))
 def test_of_a_crowd_the_front_stays_and_nothing_that_is_behind_what_goes(table):

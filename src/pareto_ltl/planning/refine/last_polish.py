@@ -30,7 +30,7 @@ def finished_points(sweep: Sweep, front: Sequence[Candidate]) -> list[Candidate]
     points = spread_points(sweep.effort, front, _evenly(sweep))
 
     def one(point: tuple[Candidate, float]) -> Candidate:
-        return point[0] if sweep.budget.over() else _finished(sweep, *point)
+        return point[0] if sweep.budget.over() else finished_point(sweep, *point)
 
     return on_all_cores(one, [*points[::2], *points[1::2]])  # with little time, every other one
 
@@ -48,7 +48,7 @@ def lengthened_points(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidat
         for cap in (effort.lengthened * best.length, effort.lengthened**3 * best.length):
             again = sweep.held_within(sweep.returning_lines(best, cap), effort.wide, cap)
             forms += [(k, cap) for k in (best, *sorted(again, key=smoothed)[:1])]
-        longer = on_all_cores(partial(_finished, sweep), *zip(*forms, strict=True))
+        longer = on_all_cores(partial(finished_point, sweep), *zip(*forms, strict=True))
         better = [k for k in longer if sweep.pays(k, best, sweep.flights)]
         best = min(better, key=lambda k: k.length, default=None)
         made += longer
@@ -80,7 +80,7 @@ def divided_gaps(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
             return above
         ends = [above] if sweep.class_of(below) == sweep.class_of(above) else [above, below]
         cap = math.sqrt(below.length * above.length)
-        return min((_finished(sweep, k, cap) for k in ends), key=smoothed)
+        return min((finished_point(sweep, k, cap) for k in ends), key=smoothed)
 
     left = effort.points - _evenly(sweep)
     for first in range(0, left, effort.gaps):
@@ -91,7 +91,7 @@ def divided_gaps(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
     return front
 
 
-def _finished(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
+def finished_point(sweep: Sweep, k: Candidate, cap: float) -> Candidate:
     """``k`` polished at a length cap; on more flights if few of them fail, since those decide.
 
     Where its airspeeds leave half a step or more to spare, it is also polished in fewer steps.
