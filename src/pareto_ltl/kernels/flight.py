@@ -179,7 +179,7 @@ def linear_deviations(
     along: LinearLaw, epoch: IntArray, white: FloatArray, theta: Float32Array, kappa: FloatArray,
     off: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill the deviations ``off`` (T+1, 2, n) [m] of flights that begin with those of ``off[0]``.
+    """Fill the deviations ``off`` (T+1, 2, n) [m] of flights that begin with ``off[0]``.
 
     e' = F e + dt (ψ' θ + E κ + white). ``white`` (T, n, 2) ~ N(0, 1); ``theta`` (E, n, 2, P) is the field of
     each ``epoch`` (T,); ``kappa`` (n, Q) are the coefficients of the robot's own errors.
