@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from numpy.random import SeedSequence
 
+from levels import AT_NIGHT
 from pareto_ltl.extend import draw_flights
+from pareto_ltl.kernels.chance import add_breach
 from pareto_ltl.kernels.descent import OVERLONG, RIDGE, Sample, Solves
 from pareto_ltl.kernels.path import Flight
 from pareto_ltl.planning.evaluate import propagate, propagate_controls
@@ -22,6 +24,7 @@ from pareto_ltl.planning.separation import chance_along
 from pareto_ltl.planning.wind_lookup import wind_and_gradient
 from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.support.arrays import FloatArray
+from plane_logic.margin import Slope
 from problems import along, box, make_problem, make_scene, smooth_wind, steady_wind
 from solves import next_means
 
@@ -124,6 +127,28 @@ def test_the_solved_step_is_that_of_the_plain_statement(problem: Problem, seed: 
     assert best < -0.05  # there is something to gain
     assert reached == pytest.approx(best, abs=1e-4)
     np.testing.assert_allclose(found, expected, atol=0.01 * problem.reach)
+
+
+@pytest.mark.parametrize("seed", range(200 if AT_NIGHT else 16))
+def test_a_step_that_keeps_away_from_lines_is_that_of_the_plain_statement(seed: int) -> None:
+    """Any robot, path, epsilon, stiffness of its penalty, and length: 200 programmes at night."""
+    rng = np.random.default_rng(seed)
+    robot, wind = list(ROBOTS.values())[seed % len(ROBOTS)]
+    planner = PlannerConfig(epsilon=float(rng.choice([0.3, 0.1, 0.02])))
+    problem = make_problem("F(a & F b)", SCENE, wind, robot, planner, fidelity="full")
+    bend = 45.0 * rng.standard_normal((len(WAY), 2)).cumsum(axis=0)
+    flight = Refiner(problem, margin_model(problem)).flown(WAY + bend - bend[0])
+    model = descent_at(flight, seed)
+    chance = chance_along(problem, flight, float(rng.choice([2.0, 20.0])))
+    breach = add_breach(chance, flight, Slope(model.gradient, model.hessian))
+    model = replace(model, value=model.value + breach)
+    longest = rng.uniform(0.99, 1.05) * path_length(flight.x)
+    found = next_means(problem, flight, model, TRUST, longest)
+    assert found is not None
+    expected = plainly(problem, flight, model, TRUST, longest)
+    best, reached = (model_value(problem, flight, model, y) for y in (expected, found))
+    assert best < -0.01
+    assert reached == pytest.approx(best, abs=1e-4)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -148,7 +148,9 @@ class SelectionConfig(CheckedSettings, section="selection"):
     length: float | None = setting(None, "longest path, with rule=length", "(0, 1e9]", unit="m")
     point: int = setting(0, "number of the path in front.csv, with rule=point", "[0, 1e6]")
     draws: int = setting(
-        16_000, "most simulated flights of each path that rank the front, with fidelity.judge=flights", "[1, 1e8]"
+        16_000,
+        "most simulated flights of each path that rank the front, with fidelity.judge=flights",
+        "[1, 1e8]",
     )
     runs: int = setting(
         20_000,

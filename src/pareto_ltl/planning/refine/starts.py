@@ -132,10 +132,10 @@ def line_starts(problem: Problem, effort: Effort = USUAL) -> list[Start]:
         for number, plan in enumerate(orders):
             for z in effort.distances:
                 line = taut_line(problem, plan, waits[:1], cov, depth, z)
-                if line is None:
-                    continue
-                found += _walked(problem, line, f"taut line, {z:g} deviations from obstacles")
-                if number >= effort.varied_orders:
+                name = f"taut line, {z:g} deviations from obstacles"
+                own = [] if line is None else _walked(problem, line, name)
+                found += own
+                if own and number >= effort.varied_orders:
                     break
         if found:
             break
