@@ -8,6 +8,7 @@ python -m pytest benchmarks/bench_refine.py
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.planning.refine.effort import USUAL
 from pareto_ltl.planning.refine.programme import programme, programme_for
-from pareto_ltl.planning.refine.sampled import Polish, Refiner, resampled_means
+from pareto_ltl.planning.refine.sampled import Refiner, resampled_means
 from pareto_ltl.planning.refine.starts import line_starts
 from pareto_ltl.settings import MissionConfig, PlannerConfig, RobotConfig, SceneConfig, WindConfig, preset
 from pareto_ltl.wind import sources
@@ -65,9 +66,8 @@ def task(request):
 
 def how(problem):
     """The first evaluation of a start."""
-    widths, solves = USUAL.first
     size = float(np.ptp(problem.scene.bounds[:, 0]))
-    return Polish(tuple(size * share for share in widths), solves)
+    return replace(USUAL.first, widths=tuple(size * width for width in USUAL.first.widths))
 
 
 def descent_of(refiner, flight, flights):

@@ -121,14 +121,16 @@ def polished(problem: Problem, settings: Settings, x: FloatArray, longest: float
     flights = draw_flights(problem, problem.fidelity.law, 4 * settings.refine.flights, POLISHING)
     effort = Effort.of(settings.refine)
     sweep = new_sweep(effort, problem, flights)
-    last = sweep.polish_of((effort.finest[0], 8))
+    last = sweep.polish_of(replace(effort.finest, inner=8))
     best = sweep.refiner.polish(x, flights, sweep.polish_of(effort.last), longest)
     for _ in range(ROUNDS):
         other = sweep.refiner.polish(best.flight.x, flights, last, longest)
         if other.smoothed >= SETTLED * best.smoothed:
             break
         best = other
-    flight = sweep.closing.polished(best.flight.x, flights, sweep.polish_of((effort.finest[0], 3)), longest)
+    flight = sweep.closing.polished(
+        best.flight.x, flights, sweep.polish_of(replace(effort.closing, inner=3)), longest
+    )
     return flight.x
 
 

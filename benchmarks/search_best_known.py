@@ -22,7 +22,7 @@ from numpy.random import Generator, SeedSequence
 
 from pareto_ltl.extend import draw_flights, simulate_flights
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.effort import Effort
+from pareto_ltl.planning.refine.effort import Effort, Polish
 from pareto_ltl.planning.refine.front_sweep import finished, swept
 from pareto_ltl.planning.refine.levels import looks
 from pareto_ltl.planning.refine.sampled import Candidate, resampled_means
@@ -93,7 +93,7 @@ def wide_search(name: str, border: str, minutes: float) -> list[dict[str, float]
     best = Best(np.exp(np.arange(np.log(found[0].length), np.log(1.1 * found[-1].length), STEP)))
     for k in found:
         best.offer(k)
-    how = sweep.polish_of(((0.008, 0.008, 0.004, 0.004, 0.0025, 0.0025), 4))
+    how = sweep.polish_of(Polish((0.008, 0.008, 0.004, 0.004, 0.0025, 0.0025), 4))
     end = time.process_time() + 60 * minutes
     while time.process_time() < end:
         i = int(rng.integers(len(best.caps)))

@@ -23,7 +23,8 @@ from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.sampled import Polish, Refiner, resampled_means
+from pareto_ltl.planning.refine.effort import Polish
+from pareto_ltl.planning.refine.sampled import Refiner, resampled_means
 from pareto_ltl.planning.separation import separation
 from pareto_ltl.settings import PlannerConfig, RobotConfig
 from pareto_ltl.simulation.common_flights import draw_flights

@@ -15,7 +15,8 @@ from pareto_ltl.planning.evaluate import completing_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.refine import Effort, programme, sampled_paths
-from pareto_ltl.planning.refine.sampled import Polish, Refiner
+from pareto_ltl.planning.refine.effort import Polish
+from pareto_ltl.planning.refine.sampled import Refiner
 from pareto_ltl.planning.refine.sweep import first_of
 from pareto_ltl.planning.separation import separation
 from pareto_ltl.settings import PlannerConfig, RobotConfig, preset

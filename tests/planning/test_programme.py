@@ -18,8 +18,9 @@ from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.prices import segment_limits
 from pareto_ltl.planning.refine import Effort, programme, sampled_paths
+from pareto_ltl.planning.refine.effort import Polish
 from pareto_ltl.planning.refine.programme import Descent
-from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Polish, Refiner
+from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Refiner
 from pareto_ltl.planning.refine.starts import first_starts
 from pareto_ltl.planning.refine.sweep import first_of
 from pareto_ltl.planning.separation import barrier_names, breach_text, separation, within_limits
