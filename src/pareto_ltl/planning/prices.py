@@ -39,7 +39,7 @@ from plane_logic import margin as km
 from plane_logic.margin_events import NOWHERE, MarginModel, Scratch
 
 WIDTH = 0.001  # τ as a share of the map's size: half the last width of a polish, with more flights
-AFAR = 4.0  # [τ] a flight farther from its limit weighs less than a tenth of one that just fails
+AFAR = 2.0  # [τ] where flights lie at any distance, those farther make up a quarter of a price
 TRUST = 0.5  # trust region of the programme about the path [full steps]
 LEAST_SHARE = 0.01  # prices below this share of the largest of their kind are left out
 MAX_STEPS = 400  # of a path: for 1,300 steps the convex programme needs 8 GiB
