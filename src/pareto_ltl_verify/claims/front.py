@@ -22,6 +22,8 @@ MAX_PATHS = 6  # paths of the front whose bounds are computed again
 FLOWN_PATHS = 3  # paths of the front that are simulated again
 SHARED_PATHS = 10  # paths of the front that are simulated again in the same winds
 NEW_RUNS = 2000  # new flights of each of these paths
+LOOKS = 250  # flights after which paths are compared for the first time; then twice as many, and so on
+ENOUGH, LEAST_FLIGHTS = 200, 1000  # failures of each path, and flights, after which the comparisons may end
 STILL = 1e-9  # [m] shorter steps have no course
 BOUNDS = ("mission_risk", "collision_risk")
 INTERVAL = ("failure", "failure_low", "failure_high")
@@ -245,14 +247,30 @@ def front_rates(result: Evidence) -> Verdict:
         rated = [row["path"] for row in result.front if any(row[key] for key in (*INTERVAL, "law", "runs"))]
         return no_fault("no rates", [f"path {name} has a rate" for name in rated])
     failed, law = result.front_arrays["failed"], result.planned_law
-    runs = int(result.settings["selection"]["draws"])
-    faults = [] if failed.shape == (len(result.front), runs) else [f"flights of shape {failed.shape}"]
+    runs = failed.shape[1]
+    faults = [*ended_too_early(result)]
+    faults += [] if len(failed) == len(result.front) else [f"flights of shape {failed.shape}"]
     for row, flights in zip(result.front, failed, strict=False):
         count = int(flights.sum())
         wanted = dict(zip(INTERVAL, rate_of(count, runs).values(), strict=True))
         if far_apart(row, wanted, 1e-9) or (row["law"], row["runs"]) != (law, str(runs)):
             faults.append(f"path {row['path']}: {count} of {runs} flights fail")
     return no_fault(f"{runs} flights each, {law} winds", faults)
+
+
+def ended_too_early(result: Evidence) -> Iterator[str]:
+    """Faults of the number of flights of each path: fewer than the settings ask for, without the failures.
+
+    The flights end after ``LEAST_FLIGHTS`` or more, at a comparison, once each path has failed ``ENOUGH``
+    times.
+    """
+    failed, runs = result.front_arrays["failed"], int(result.settings["selection"]["draws"])
+    ended, fewest = failed.shape[1], int(failed.sum(axis=1).min(initial=ENOUGH))
+    looks = [LOOKS * 2**k for k in range(max(runs // LOOKS, 1).bit_length())]
+    if ended != runs and (ended > runs or ended < LEAST_FLIGHTS or ended not in looks):
+        yield f"{ended} flights of {runs}"
+    elif ended < runs and fewest < ENOUGH:
+        yield f"{ended} flights of {runs}, of which {fewest} of one path fail"
 
 
 def _failed_again(result: Evidence, k: int, *seed: int) -> BoolArray:

@@ -9,13 +9,20 @@ import numpy as np
 from careful_io.names import joined_names
 from pareto_ltl_verify.arrays import BoolArray, FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault
-from pareto_ltl_verify.claims.front import FILES, WORLD, cost_columns, flights_judge, judged_rows
+from pareto_ltl_verify.claims.front import (
+    FILES,
+    LOOKS,
+    WORLD,
+    cost_columns,
+    ended_too_early,
+    flights_judge,
+    judged_rows,
+)
 from pareto_ltl_verify.claims.plan import POSITION
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.flights import RARE, same_rate
 
 JUDGED = "judged"  # array of front.npz
-LOOKS = 250  # flights after which paths are compared for the first time; then twice as many, and so on
 CLOSE = 1e-12  # largest relative difference of two costs that are the same
 
 
@@ -39,10 +46,11 @@ def whole_front(result: Evidence) -> Verdict | None:
     if not flights_judge(result):
         missing = [f"path {k} was not judged" for k in np.flatnonzero(~_among(front, rows))]
         return no_fault(named, missing, (f"row {k} is better" for k in _better(rows, front)))
-    runs = int(result.settings["selection"]["draws"])
+    runs = result.front_arrays["failed"].shape[1]
     full = rows[:, 0] == runs
     ended = np.column_stack([rows[full, 1] / runs, rows[full, 2:]])
     faults = [f"path {k} was not judged" for k in np.flatnonzero(~_among(front, ended))]
+    faults += ended_too_early(result)
     faults += [f"row {k} has {rows[k, 0]:g} flights" for k in np.flatnonzero(~_looked(rows[:, 0], runs))]
     faults += [f"row {k} has {rows[k, 1]:g} failures" for k in np.flatnonzero(rows[:, 1] > rows[:, 0])]
     if result.has("plan.json") and result.plan.get("epsilon_kept") is False:
