@@ -35,7 +35,6 @@ class Chance(NamedTuple):
     """
 
     stiff: float
-
     polygons: Corners
     requested: BoolArray
     limit: float

@@ -154,8 +154,9 @@ def _all_polygons(problem: Problem) -> kd.Corners:
 
 def _requested(problem: Problem, flight: Flight, avoid: BoolArray | None) -> BoolArray:
     """Which of the barriers and forbidden polygons each segment avoids (T, m): all barriers."""
-    everywhere = np.ones((len(flight.u), len(barrier_outlines(problem))), bool)
-    return np.hstack([everywhere, avoided(problem, flight, avoid)])
+    forbidden = avoided(problem, flight, avoid)
+    barriers = len(_all_polygons(problem).radius) - forbidden.shape[1]
+    return np.hstack([np.ones((len(flight.u), barriers), bool), forbidden])
 
 
 def _by_lines(problem: Problem, flight: Flight, avoid: BoolArray | None, around: float) -> Separation:

@@ -88,7 +88,8 @@ def sampled_paths(
 def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Candidate, Candidate]]:
     """What the search finds, each path before and after its last solve (``closed``).
 
-    Where none keeps epsilon, more solves within the chance constraints bring all nearer to it.
+    Where none keeps epsilon, more solves within the chance constraints bring all nearer to it, a little
+    longer where that helps.
     """
     seen, known = list[Candidate](), list[Candidate]()
     for scout in scouts(sweep):
@@ -97,7 +98,8 @@ def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Can
     found = finished(sweep, known)
     ended = on_all_cores(partial(last_polish.closed, sweep), found)
     if all(excess(sweep.problem, end.flight).any() for end in ended):
-        ended = on_all_cores(partial(last_polish.nearer, sweep), ended)
+        caps = [sweep.effort.lengthened * end.length for end in ended]
+        ended = on_all_cores(partial(last_polish.nearer, sweep), ended, caps)
     return list(zip(found, ended, strict=True))
 
 

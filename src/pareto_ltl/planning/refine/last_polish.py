@@ -117,16 +117,13 @@ def closed(sweep: Sweep, k: Candidate) -> Candidate:
     """``k`` after the last solve, by the convex programme; its failures are those before."""
     flights = (sweep.many() if _rarely_fails(sweep, k) else sweep.flights).exact()
     how = sweep.polish_of(sweep.effort.closing)
-    flight = sweep.closing.polished(k.flight.x, flights, how, k.length)
-    if excess(sweep.problem, flight).any():
-        flight = sweep.closing.polished(flight.x, sweep.few, sweep.polish_of(sweep.effort.nearer), k.length)
-    return k.moved(flight)
+    end = k.moved(sweep.closing.polished(k.flight.x, flights, how, k.length))
+    return nearer(sweep, end, k.length) if excess(sweep.problem, end.flight).any() else end
 
 
-def nearer(sweep: Sweep, k: Candidate) -> Candidate:
-    """``k`` after more solves within the chance constraints, a little longer where that brings it nearer."""
-    effort = sweep.effort
-    how, longest = sweep.polish_of(effort.nearer), effort.lengthened * k.length
+def nearer(sweep: Sweep, k: Candidate, longest: float) -> Candidate:
+    """``k`` after more solves within the chance constraints, about ``longest`` [m] at most."""
+    how = sweep.polish_of(sweep.effort.nearer)
     return k.moved(sweep.closing.polished(k.flight.x, sweep.few, how, longest))
 
 
