@@ -2,16 +2,22 @@
 
 By default these signals end Python at once: ``run.json`` would keep the status "running", and the
 processes of a sweep would continue.
+
+An exception of a signal is lost where Python cannot pass it on: in a finaliser, and in a function that a
+library in C calls, as LLVM does while it compiles. Such a signal comes again.
 """
 
 from __future__ import annotations
 
+import _thread
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from types import FrameType
 from typing import TYPE_CHECKING
 
@@ -21,6 +27,7 @@ if TYPE_CHECKING:
 CHILDREN_TIME = 5.0  # [s] in which child processes can record how they ended, before they are killed
 POOL_TIME = 1.5  # [s] between a process of a pool recording its end and ending: when one process is gone,
 # the pool kills the others, which may not have recorded theirs
+LATER = 0.05  # [s] after which a signal that was lost comes again
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
@@ -47,13 +54,16 @@ class StoppedError(KeyboardInterrupt):
 def signals_raise() -> Iterator[None]:
     """In the block, the signals :data:`SIGNALS` end the child processes and raise :class:`StoppedError`.
 
-    A signal that is already ignored, as SIGHUP under ``nohup``, stays ignored. Outside the main thread, where
-    Python allows no signal handlers, nothing is changed.
+    These and Ctrl-C come again where Python cannot pass on their exception. A signal that is already ignored,
+    as SIGHUP under ``nohup``, stays ignored. Outside the main thread, where Python allows no signal handlers,
+    nothing is changed.
     """
-    before = {}
-    if threading.current_thread() is threading.main_thread():
-        before = {number: signal.getsignal(number) for number in SIGNALS}
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before, hook = {number: signal.getsignal(number) for number in SIGNALS}, sys.unraisablehook
     heeded = [number for number, handler in before.items() if handler not in (signal.SIG_IGN, None)]
+    sys.unraisablehook = _come_again
     for number in heeded:
         signal.signal(number, _stop)
     try:
@@ -61,6 +71,7 @@ def signals_raise() -> Iterator[None]:
     finally:
         for number in heeded:
             signal.signal(number, before[number])
+        sys.unraisablehook = hook
 
 
 @contextmanager
@@ -80,6 +91,34 @@ def _stop(number: int, _frame: FrameType | None) -> None:
         signal.signal(heeded, signal.SIG_IGN)
     _end_children()
     raise StoppedError(number)
+
+
+def _come_again(lost: sys.UnraisableHookArgs) -> None:
+    """Send the signal whose exception is ``lost`` once more; show other lost exceptions as usual."""
+    here = threading.current_thread() is threading.main_thread()
+    if not here or not isinstance(lost.exc_value, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+        return
+    number = signal.SIGINT
+    if isinstance(lost.exc_value, StoppedError):
+        stop = StoppedError(lost.exc_value.number)
+        number = signal.Signals(stop.number)
+        signal.signal(number, partial(_raise, stop))  # it is ignored since it came
+    timer = threading.Timer(LATER, _send, (number,))
+    timer.daemon = True
+    timer.start()
+
+
+def _send(number: signal.Signals) -> None:
+    """Send a signal to the main thread of this process; Windows can only do as if."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
+    else:
+        _thread.interrupt_main(number)
+
+
+def _raise(error: BaseException, _number: int, _frame: FrameType | None) -> None:
+    raise error
 
 
 def _end_children() -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 
@@ -41,6 +43,49 @@ def test_a_second_request_does_not_interrupt_the_clean_up() -> None:
     with pytest.raises(StoppedError), signals_raise():
         work()
     assert cleaned == [True]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, *SIGNALS])
+@pytest.mark.parametrize("place", ["called by C", "finaliser"])
+def test_a_signal_where_python_cannot_pass_on_its_exception_comes_again(number: int, place: str) -> None:
+    before = signal.getsignal(number)
+    signal.signal(number, signal.default_int_handler)
+    sent: list[bool] = []
+
+    def send() -> None:
+        sent.append(True)
+        os.kill(os.getpid(), number)
+
+    class Owner:
+        def __del__(self) -> None:
+            send()
+
+    def work() -> None:
+        if place == "finaliser":
+            Owner()
+        else:
+            ctypes.CFUNCTYPE(None)(send)()
+        for _ in range(100):  # it goes on, as nothing has told it to end
+            time.sleep(0.1)
+
+    try:
+        with pytest.raises(KeyboardInterrupt) as caught, signals_raise():
+            work()
+    finally:
+        signal.signal(number, before)
+    assert sent == [True]
+    assert getattr(caught.value, "number", signal.SIGINT) == number
+
+
+def test_other_lost_exceptions_are_shown_as_before(capsys: pytest.CaptureFixture[str]) -> None:
+    def fault() -> None:
+        raise ValueError("of a callback")
+
+    hook = sys.unraisablehook
+    with signals_raise():
+        ctypes.CFUNCTYPE(None)(fault)()
+    assert sys.unraisablehook is hook
+    assert "ValueError: of a callback" in capsys.readouterr().err
 
 
 def test_a_signal_that_was_ignored_stays_ignored() -> None:
