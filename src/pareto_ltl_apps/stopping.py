@@ -63,11 +63,16 @@ def signals_raise() -> Iterator[None]:
         return
     before, hook = {number: signal.getsignal(number) for number in SIGNALS}, sys.unraisablehook
     heeded = [number for number, handler in before.items() if handler not in (signal.SIG_IGN, None)]
-    sys.unraisablehook = _come_again
+    lost = list[BaseException]()
+    sys.unraisablehook = partial(_come_again, lost)
     for number in heeded:
         signal.signal(number, _stop)
     try:
         yield
+    except Exception:
+        if lost:  # the error may follow from work that was not done where the signal came
+            raise lost[0] from None
+        raise
     finally:
         for number in heeded:
             signal.signal(number, before[number])
@@ -93,15 +98,16 @@ def _stop(number: int, _frame: FrameType | None) -> None:
     raise StoppedError(number)
 
 
-def _come_again(lost: sys.UnraisableHookArgs) -> None:
-    """Send the signal whose exception is ``lost`` once more; show other lost exceptions as usual."""
+def _come_again(lost: list[BaseException], now: sys.UnraisableHookArgs) -> None:
+    """Send the signal whose exception is lost ``now`` once more; show other lost exceptions as usual."""
     here = threading.current_thread() is threading.main_thread()
-    if not here or not isinstance(lost.exc_value, KeyboardInterrupt):
-        sys.__unraisablehook__(lost)
+    if not here or not isinstance(now.exc_value, KeyboardInterrupt):
+        sys.__unraisablehook__(now)
         return
+    lost.append(now.exc_value)
     number = signal.SIGINT
-    if isinstance(lost.exc_value, StoppedError):
-        stop = StoppedError(lost.exc_value.number)
+    if isinstance(now.exc_value, StoppedError):
+        stop = StoppedError(now.exc_value.number)
         number = signal.Signals(stop.number)
         signal.signal(number, partial(_raise, stop))  # it is ignored since it came
     timer = threading.Timer(LATER, _send, (number,))

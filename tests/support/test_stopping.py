@@ -77,6 +77,15 @@ def test_a_signal_where_python_cannot_pass_on_its_exception_comes_again(number: 
     assert getattr(caught.value, "number", signal.SIGINT) == number
 
 
+def test_an_error_that_follows_from_a_lost_signal_does_not_hide_it() -> None:
+    def work() -> None:
+        ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGTERM))()
+        raise RuntimeError("no result of the callback")
+
+    with pytest.raises(StoppedError), signals_raise():
+        work()
+
+
 def test_other_lost_exceptions_are_shown_as_before(capsys: pytest.CaptureFixture[str]) -> None:
     def fault() -> None:
         raise ValueError("of a callback")
