@@ -63,7 +63,7 @@ def signals_raise() -> Iterator[None]:
         return
     before, hook = {number: signal.getsignal(number) for number in SIGNALS}, sys.unraisablehook
     heeded = [number for number, handler in before.items() if handler not in (signal.SIG_IGN, None)]
-    lost = list[BaseException]()
+    lost = list[tuple[BaseException, threading.Timer]]()
     sys.unraisablehook = partial(_come_again, lost)
     for number in heeded:
         signal.signal(number, _stop)
@@ -71,9 +71,11 @@ def signals_raise() -> Iterator[None]:
         yield
     except Exception:
         if lost:  # the error may follow from work that was not done where the signal came
-            raise lost[0] from None
+            raise lost[0][0] from None
         raise
     finally:
+        for _, timer in lost:
+            timer.cancel()
         for number in heeded:
             signal.signal(number, before[number])
         sys.unraisablehook = hook
@@ -98,13 +100,12 @@ def _stop(number: int, _frame: FrameType | None) -> None:
     raise StoppedError(number)
 
 
-def _come_again(lost: list[BaseException], now: sys.UnraisableHookArgs) -> None:
+def _come_again(lost: list[tuple[BaseException, threading.Timer]], now: sys.UnraisableHookArgs) -> None:
     """Send the signal whose exception is lost ``now`` once more; show other lost exceptions as usual."""
     here = threading.current_thread() is threading.main_thread()
     if not here or not isinstance(now.exc_value, KeyboardInterrupt):
         sys.__unraisablehook__(now)
         return
-    lost.append(now.exc_value)
     number = signal.SIGINT
     if isinstance(now.exc_value, StoppedError):
         stop = StoppedError(now.exc_value.number)
@@ -112,6 +113,7 @@ def _come_again(lost: list[BaseException], now: sys.UnraisableHookArgs) -> None:
         signal.signal(number, partial(_raise, stop))  # it is ignored since it came
     timer = threading.Timer(LATER, _send, (number,))
     timer.daemon = True
+    lost.append((now.exc_value, timer))
     timer.start()
 
 

@@ -82,8 +82,13 @@ def test_an_error_that_follows_from_a_lost_signal_does_not_hide_it() -> None:
         ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGTERM))()
         raise RuntimeError("no result of the callback")
 
-    with pytest.raises(StoppedError), signals_raise():
-        work()
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with pytest.raises(StoppedError), signals_raise():
+            work()
+        time.sleep(0.2)  # no signal follows
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def test_other_lost_exceptions_are_shown_as_before(capsys: pytest.CaptureFixture[str]) -> None:
