@@ -15,6 +15,7 @@ from pareto_ltl.extend import draw_flights
 from pareto_ltl.kernels.importance import NormalDraws
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.settings import PowerConfig, RobotConfig
+from pareto_ltl.simulation.common_flights import draw_mirrored
 from pareto_ltl.simulation.failure_modes import linear_law
 from pareto_ltl.simulation.flights import BLOCK, draw_coherent
 from problems import QUICK_ERROR, make_problem, smooth_wind
@@ -145,3 +146,24 @@ def test_linear_deviations_are_those_of_flights_in_linear_winds():
     off = flights.deviations(flight)
     assert np.abs(off[-1]).min() > 1.0
     np.testing.assert_allclose(np.moveaxis(off, 2, 0), flown, rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("runs", [BLOCK, 2 * BLOCK + 1])
+def test_every_second_mirrored_flight_errs_the_opposite_way(runs):
+    """In the errors of winds, gusts, fixes and start; linear winds then make opposite deviations."""
+    for problem, way in (
+        (coherent_problem(sd=0.4, gust=0.1, rho=0.8), STEPS),
+        (landmark_problem(), LANDMARK_WAY),
+    ):
+        flight = propagate(problem, way)
+        flights = draw_mirrored(problem, "coherent", runs, SeedSequence(1))
+        half = draw_flights(problem, "coherent", -(-runs // 2), SeedSequence(1))
+        assert len(flights) == runs
+        for name in ("white", "theta"):
+            drawn, drawn_half = (getattr(one.draws, name) for one in (flights, half))
+            np.testing.assert_array_equal(drawn[:, ::2], drawn_half)
+            np.testing.assert_array_equal(drawn[:, 1::2], -drawn_half[:, : runs // 2])
+        np.testing.assert_array_equal(flights.noise[:, 1::2], -flights.noise[:, : 2 * (runs // 2) : 2])
+        off = flights.linear().unaided(flight)
+        scale = np.abs(off).max()
+        np.testing.assert_allclose(off[..., 1::2], -off[..., : 2 * (runs // 2) : 2], atol=1e-6 * scale)

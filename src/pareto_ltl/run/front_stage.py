@@ -25,7 +25,7 @@ from pareto_ltl.planning.separation import (
     within_limits,
 )
 from pareto_ltl.settings import RefineConfig
-from pareto_ltl.simulation.common_flights import DrawnFlights, draw_flights, is_certain
+from pareto_ltl.simulation.common_flights import DrawnFlights, draw_mirrored, is_certain
 from pareto_ltl.simulation.judging import judge_front
 from pareto_ltl.support.budget import Budget
 from pareto_ltl.support.errors import InfeasibleError
@@ -35,7 +35,8 @@ if TYPE_CHECKING:
     from pareto_ltl.settings import Settings
 
 LOG = logging.getLogger(__name__)
-JUDGING = "judging"  # child of the front's stream that refinement does not use
+JUDGING = "judging"  # child of the front's stream
+SEARCHING = "searching"  # stream of the flights that paths are fitted to; the same for every seed of a run
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,14 +183,18 @@ def _convex_refinement(
 
 
 def _sampled_refinement(search: Search, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
-    """Sampled refinement; without uncertainty all flights are the same, and only the length counts."""
+    """Sampled refinement; without uncertainty all flights are the same, and only the length counts.
+
+    Its flights are nodes of an integral, and do not depend on the seed of the run: seeds differ in their
+    trees and in the flights that judge the paths.
+    """
     problem = search.problem
     if is_certain(problem):
         return _convex_refinement(search, raw, flown_lines(problem))
     effort = Effort.of(search.settings.refine)
 
     def draw(runs: int) -> DrawnFlights:
-        return draw_flights(problem, problem.fidelity.law, runs, search.seeds)
+        return draw_mirrored(problem, problem.fidelity.law, runs, stage_seeds(0, SEARCHING))
 
     return sampled_paths(effort, problem, search.forest, draw, search.progress, search.budget)
 

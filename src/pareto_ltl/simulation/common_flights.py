@@ -220,6 +220,29 @@ def draw_flights(problem: Problem, law: str, runs: int, seed: SeedSequence) -> D
     return DrawnFlights(problem, law, np.concatenate(noise, axis=1), own, off, draws)
 
 
+def draw_mirrored(problem: Problem, law: str, runs: int, seed: SeedSequence) -> DrawnFlights:
+    """Draw every second flight of ``runs``; the flight after it has all errors with the opposite sign.
+
+    Both have the law of flights (antithetic variates, Hammersley and Morton, 1956,
+    doi:10.1017/S0305004100031455): a path is not moved aside because by chance more of them err to the left
+    than to the right. They are no independent sample: rates in them have no binomial error.
+    """
+    drawn = draw_flights(problem, law, -(-runs // 2), seed)
+    draws = {name: _with_mirrored(getattr(drawn.draws, name), 1, runs) for name in drawn.draws._fields[1:]}
+    return replace(
+        drawn, noise=_with_mirrored(drawn.noise, 1, runs), errors=_with_mirrored(drawn.errors, 0, runs),
+        start=_with_mirrored(drawn.start, 0, runs), draws=drawn.draws._replace(**draws),
+    )  # fmt: skip
+
+
+def _with_mirrored(drawn: FloatArray, axis: int, runs: int) -> FloatArray:
+    """``drawn`` with -``drawn`` in turn along ``axis``, in ``runs`` rows."""
+    both = np.repeat(drawn, 2, axis=axis)
+    rows = np.moveaxis(both, axis, 0)
+    rows[1::2] *= -1.0
+    return np.ascontiguousarray(np.moveaxis(rows[:runs], 0, axis))
+
+
 def is_certain(problem: Problem) -> bool:
     """Whether every flight is the same: a start and a wind that are known exactly."""
     if problem.start_variance > 0.0 or problem.wind.gust.any() or problem.wind.between.any():
