@@ -42,7 +42,7 @@ from pareto_ltl.planning.problem import Problem, with_merged_steps
 from pareto_ltl.planning.records import Forest, PlannedPath
 from pareto_ltl.planning.refine import last_polish
 from pareto_ltl.planning.refine.effort import Effort
-from pareto_ltl.planning.refine.levels import looks, swept_down
+from pareto_ltl.planning.refine.levels import grown_looks, looks, swept_down
 from pareto_ltl.planning.refine.sampled import Candidate, divided
 from pareto_ltl.planning.refine.starts import (
     Start,
@@ -88,13 +88,17 @@ def sampled_paths(
 def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Candidate, Candidate]]:
     """What the search finds, each path before and after its last solve (``closed``).
 
-    Where none keeps epsilon, more solves within the chance constraints bring all nearer to it, a little
-    longer where that helps.
+    It begins with lines, which every seed has, or with tree paths if there are none. Tree paths of other
+    classes and lengths are compared with what it finds. Where none keeps epsilon, more solves within the
+    chance constraints bring all nearer to it, a little longer where that helps.
     """
+    lines = {kind: start for kind, start in starts.items() if not start.grown}
     seen, known = list[Candidate](), list[Candidate]()
     for scout in scouts(sweep):
-        seen = scout.compared(seen) if seen else looks(scout, starts)
+        seen = scout.compared(seen) if seen else looks(scout, lines or starts)
         known += _compared(sweep, scout, swept(scout, seen))
+    grown = grown_looks(sweep, (start for start in starts.values() if lines and start.grown))
+    known += _compared(sweep, sweep, grown)
     found = finished(sweep, known)
     ended = on_all_cores(partial(last_polish.closed, sweep), found)
     if all(excess(sweep.problem, end.flight).any() for end in ended):
