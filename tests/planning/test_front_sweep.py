@@ -519,6 +519,51 @@ def test_a_second_scout_goes_on_from_the_looks_of_the_first(looked):
         assert k.smoothed != first.refiner.assessed(k.flight, first.few, width, 1.0).smoothed
 
 
+def test_starts_are_chosen_by_what_two_solves_make_of_them(looked):
+    """As they are, they fail more often, and in another order."""
+    begun, _ = looked
+    starts = [start for start in first_starts(begun.problem).values() if not start.grown]
+    bent, rows = levels._glanced(begun, starts)  # noqa: SLF001
+    width = begun.polish_of(EFFORT.glance).widths[-1]
+    plain = []
+    for start, better, (failure, length) in zip(starts, bent, rows, strict=True):
+        again = begun.refiner.assessed(begun.refiner.flown(better.x), begun.few, width, 1.0)
+        np.testing.assert_allclose([again.smoothed, again.length], [failure, length], rtol=1e-6)
+        assert length <= 1.01 * EFFORT.loose * length_of(begun.timed_means(start.x, 1))
+        first = begun.refiner.assessed(
+            begun.refiner.flown(begun.timed_means(start.x, 1)), begun.few, width, 1.0
+        )
+        plain.append(first.smoothed)
+    assert (rows[:, 0] < np.array(plain)).all()
+    assert (np.argsort(rows[:, 0]) != np.argsort(plain)).any()
+
+
+def test_tree_paths_are_compared_with_what_the_search_makes_of_lines(grown, monkeypatch):
+    """They begin a search only where there is no line."""
+    problem, forest = grown
+    flights = draw_flights(problem, "coherent", EFFORT.all_flights, SeedSequence(5))
+    begun, starts = sweep.new_sweep(EFFORT, problem, first_of(flights)), first_starts(problem, forest)
+    lines = {kind: start for kind, start in starts.items() if not start.grown}
+    trees = {kind: start for kind, start in starts.items() if start.grown}
+    assert lines
+    assert trees
+    given = []
+
+    def looks(scout, some):
+        given.append(dict(some))
+        return levels.looks(scout, some)
+
+    monkeypatch.setattr(front_sweep, "looks", looks)
+    monkeypatch.setattr(front_sweep, "finished", lambda _, known: known)
+    monkeypatch.setattr(last_polish, "closed", lambda _, k: k)
+    for some, first in ((starts, lines), (lines, lines), (trees, trees)):
+        given.clear()
+        found = front_sweep._searches(begun, some)  # noqa: SLF001
+        assert given == [first]
+        origins = {k.origin.partition(" ")[0] for k, _ in found}
+        assert ("tree" in origins) == (some is not lines)
+
+
 def test_a_path_is_polished_in_the_fewest_steps_and_its_own_and_in_more_where_it_may_be_slower(looked):
     begun, seen = looked
     k = seen[0]

@@ -35,7 +35,7 @@ def test_seeds_search_with_the_same_flights_and_are_judged_by_others() -> None:
         Search(replace(run.settings, seed=seed), run.problem, run.forest, Budget()) for seed in (3, 4)
     ]
     one, other = (REFINERS["sampled"](search, ()) for search in searches)
-    assert len(one) > 2
+    assert len(one) >= 2
     for path, same in zip(one, other, strict=True):
         np.testing.assert_array_equal(path.x, same.x)
     first, second = (make_front(search).failed for search in searches)
