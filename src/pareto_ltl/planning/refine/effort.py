@@ -32,17 +32,16 @@ class Effort:
     Coarse settings have the values of :data:`COARSE`, too. All other numbers are the same for every search.
     """
 
-    # --- flights and scouts ---
+    # --- flights ---
     flights: int
     sweep_flights: int
     classes: int
     points: int
-    scouts: int = 2  # sweeps fitted to different flights: more flights made seeds agree no better
     more_flights: int = 4  # times as many flights are used where failures are rare
     sweep_share: float = 0.75  # of a time budget, after which only the last polish is left
 
     # --- polishes, widths in map sizes: a wide τ moves a path far, a narrow one counts failures exactly ---
-    glance: Polish = Polish((0.020,), 2)  # of every start, to choose by
+    glance: Polish = Polish((0.020,), 1)  # of every start, to choose by
     first: Polish = Polish((0.020, 0.007), 4)  # of a start that is chosen
     sweep: Polish = Polish((0.008, 0.004), 3)  # at a length cap, from a path polished before
     wide: Polish = Polish((0.020, 0.008, 0.004), 3)  # of a path that may have to change its form
@@ -115,7 +114,7 @@ class Effort:
 
 
 COARSE: dict[str, Any] = {  # of a first impression, a quarter of the CPU time of the usual effort
-    "scouts": 1, "looked": 6, "looked_grown": 2, "looked_longest": 2, "flipped": 1, "led": 2,
+    "looked": 6, "looked_grown": 2, "looked_longest": 2, "flipped": 1, "led": 2,
     "spacing": 1.06, "economic": 3,
 }  # fmt: skip
 USUAL = Effort.of(RefineConfig())  # of a caller that asks for starts without a search

@@ -1,13 +1,11 @@
 """The front of failure rate and length: sweeps of the length cap in the best classes of paths.
 
-Scouts (:func:`scouts`) have different flights. The first one ranks all starts by one simulation and polishes
-the most promising cheaply (``looks``); the others fly what it found with their flights. Each finds the
-lengths that reduce the failure rate, and from the longest of these its cap falls until no path satisfies it
-(``levels``). A level begins with the best classes of the level before, in several numbers of steps from the
-fewest upwards.
+All lines are polished a little, the most promising of them more (``looks``). This gives the lengths that
+reduce the failure rate, and from the longest of these the cap falls until no path satisfies it (``levels``).
+A level begins with the best classes of the level before, in several numbers of steps from the fewest upwards.
 
-The paths of all scouts are then compared by the same flights. Points along their front are polished on more
-flights, and the safest is lengthened. More points come into the widest gaps, and all are polished at last
+These paths, and those of the trees, are then compared by more flights. Points along their front are polished
+on these, and the safest is lengthened. More points come into the widest gaps, and all are polished at last
 within the chance constraints of all segments (``last_polish``).
 
 For a robot with a power curve, points of the front are also polished in more steps: at lower airspeeds a path
@@ -53,12 +51,13 @@ from pareto_ltl.planning.refine.starts import (
     tree_starts,
     unlike_starts,
 )
-from pareto_ltl.planning.refine.sweep import SCOUT_STEPS, Draw, Progress, Sweep, front_of, new_sweep
+from pareto_ltl.planning.refine.sweep import Draw, Progress, Sweep, front_of, new_sweep
 from pareto_ltl.planning.separation import excess
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.world.time_step import SHARE_OF_PLACE, narrowest_place
 
+REPORTS = 3  # of progress: the looks, the sweeps, the last polish
 LONG = 1e5  # [m] lengths above have no decimals in messages
 
 
@@ -93,12 +92,9 @@ def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Can
     chance constraints bring all nearer to it, a little longer where that helps.
     """
     lines = {kind: start for kind, start in starts.items() if not start.grown}
-    seen, known = list[Candidate](), list[Candidate]()
-    for scout in scouts(sweep):
-        seen = scout.compared(seen) if seen else looks(scout, lines or starts)
-        known += _compared(sweep, scout, swept(scout, seen))
+    seen = looks(sweep, lines or starts)
     grown = grown_looks(sweep, (start for start in starts.values() if lines and start.grown))
-    known += _compared(sweep, sweep, grown)
+    known = [*_compared(sweep, swept(sweep, seen)), *_compared(sweep, grown)]
     found = finished(sweep, known)
     ended = on_all_cores(partial(last_polish.closed, sweep), found)
     if all(excess(sweep.problem, end.flight).any() for end in ended):
@@ -107,24 +103,10 @@ def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Can
     return list(zip(found, ended, strict=True))
 
 
-def _compared(sweep: Sweep, scout: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
-    """The front of what a scout has ``found``, and the best of each class, by the flights of ``sweep``."""
-    chosen = {id(k): k for k in (*front_of(found), *scout.best_of_classes(found, more=sweep.effort.compared))}
+def _compared(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
+    """The front of what is ``found``, and the best of each class, by the flights that polish points."""
+    chosen = {id(k): k for k in (*front_of(found), *sweep.best_of_classes(found, more=sweep.effort.compared))}
     return on_all_cores(partial(sweep.reassessed, flights=sweep.flights), chosen.values())
-
-
-def scouts(sweep: Sweep) -> Iterator[Sweep]:
-    """Sweeps that differ in their flights, of ``sweep.flights`` if there are enough; one of a coarse search.
-
-    What a sweep misses depends on which flights it is fitted to, more than on how many: on five missions
-    four times as many flights did not make seeds agree better, and a second sweep did.
-    """
-    number, n = sweep.effort.scouts, len(sweep.few)
-    drawn = sweep.flights if number * n <= len(sweep.flights) else sweep.many()
-    for k in range(number):
-        few = drawn.only(np.sort((np.arange(n) + k * n) % len(drawn)))
-        budget = sweep.budget.until(sweep.effort.sweep_share * (k + 1) / number)
-        yield replace(sweep, few=few, budget=budget, before=SCOUT_STEPS * k)
 
 
 def _paths_of(
@@ -141,13 +123,12 @@ def _paths_of(
     return last_polish.planned_paths(sweep.problem, [end for _, end in ended], repairs)
 
 
-def swept(scout: Sweep, seen: Sequence[Candidate]) -> list[Candidate]:
-    """All paths that a scout finds in its sweeps, and those ``seen``."""
-    scout = replace(scout, hope=scout.hope_of(seen))
-    _report(scout, 1, seen)
-    levels = swept_down(scout, seen)
-    found = [*seen, *chain(*levels)]
-    _report(scout, 2, found)
+def swept(sweep: Sweep, seen: Sequence[Candidate]) -> list[Candidate]:
+    """All paths of the sweeps, and those ``seen``."""
+    sweep = replace(sweep, hope=sweep.hope_of(seen))
+    _report(sweep, 1, seen)
+    found = [*seen, *chain(*swept_down(sweep, seen))]
+    _report(sweep, 2, found)
     return found
 
 
@@ -160,11 +141,11 @@ def finished(sweep: Sweep, known: Sequence[Candidate]) -> list[Candidate]:
     front = front_of(filter(sweep.hope.holds, known)) or front_of(known)[:1]
     for better in improved_fronts(sweep, front):
         front = better
-        _report(sweep, 0, front)
+        _report(sweep, 2, front)
     found = front_of(last_polish.finished_points(sweep, front))
     found = front_of([*found, *last_polish.lengthened_points(sweep, found)])
     found = last_polish.divided_gaps(sweep, found)
-    _report(sweep, 1, found)
+    _report(sweep, REPORTS, found)
     return [*found, *last_polish.slower_points(sweep, found)]
 
 
@@ -218,8 +199,7 @@ def _report(sweep: Sweep, done: int, found: Iterable[Candidate]) -> None:
     shortest, safest = (distance_text(k.length, 0 if k.length > LONG else 1) for k in (front[0], front[-1]))
     fails = f"the safest fails {100 * front[-1].failed:.2g} % at {safest}"
     state = f"{len(front)} paths of at least {shortest}; {fails}"
-    total, shown = sweep.all_steps, [(k.failed, k.flight.x) for k in front]
-    sweep.progress(min(sweep.before + done, total), total, state, shown)
+    sweep.progress(done, REPORTS, state, [(k.failed, k.flight.x) for k in front])
 
 
 # --- long paths -----------------------------------------------------------------------------------
