@@ -484,8 +484,8 @@ def looked(grown):
     return begun, levels.looks(begun, first_starts(problem, forest))
 
 
-def test_starts_are_chosen_by_what_a_solve_makes_of_them(looked):
-    """As they are, they fail more often, and in another order; a solve may bring nothing."""
+def test_starts_are_chosen_by_what_two_solves_make_of_them(looked):
+    """As they are, they fail more often, and in another order; a start may stay as it is."""
     begun, _ = looked
     starts = [start for start in first_starts(begun.problem).values() if not start.grown]
     bent, rows = levels._glanced(begun, starts)  # noqa: SLF001

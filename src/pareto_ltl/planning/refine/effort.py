@@ -41,7 +41,7 @@ class Effort:
     sweep_share: float = 0.75  # of a time budget, after which only the last polish is left
 
     # --- polishes, widths in map sizes: a wide τ moves a path far, a narrow one counts failures exactly ---
-    glance: Polish = Polish((0.020,), 1)  # of every start, to choose by
+    glance: Polish = Polish((0.020,), 2)  # of every start, to choose by
     first: Polish = Polish((0.020, 0.007), 4)  # of a start that is chosen
     sweep: Polish = Polish((0.008, 0.004), 3)  # at a length cap, from a path polished before
     wide: Polish = Polish((0.020, 0.008, 0.004), 3)  # of a path that may have to change its form
