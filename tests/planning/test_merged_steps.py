@@ -85,12 +85,12 @@ def test_merged_flights_are_the_same_flights(feedback: float | None) -> None:
 def test_only_long_paths_in_the_coherent_law_without_windows_are_merged() -> None:
     long = [Start(np.repeat(LINE, 3, axis=0), "long")]
     problem = task()
-    assert steps_to_merge(EFFORT, problem, long) == round((len(long[0].x) - 1) / EFFORT.merged_legs)
+    assert steps_to_merge(EFFORT, problem, long) == round((len(long[0].x) - 1) / EFFORT.legs)
     assert steps_to_merge(EFFORT, problem, [*long, Start(LINE, "short")]) == 1
     assert steps_to_merge(EFFORT, problem, []) == 1
     assert steps_to_merge(EFFORT, task(law="independent"), long) == 1
     assert steps_to_merge(EFFORT, task(windows=True), long) == 1
-    run = steps_to_merge(replace(EFFORT, merged_legs=10), task(side=1.0), long) * task().reach
+    run = steps_to_merge(replace(EFFORT, legs=10), task(side=1.0), long) * task().reach
     assert run <= front_sweep.SHARE_OF_PLACE * 1000.0 < run + task().reach  # of the region, 1 km wide
 
 
@@ -101,7 +101,7 @@ def test_paths_in_merged_steps_are_flown_in_all_steps() -> None:
     found = sampled_paths(EFFORT, problem, forest, first_of(flights))
     assert found
     for path in found:
-        assert len(path.u) > EFFORT.merged_from
+        assert len(path.u) > 1.5 * EFFORT.legs
         assert problem.logic.distance[path.q[-1]] == 0.0
         assert (np.linalg.norm(path.u, axis=1) <= problem.motion.u_max).all()
         assert (locate_cells(problem.cells, np.ascontiguousarray(path.x)) >= 0).all()

@@ -98,8 +98,7 @@ class Effort:
     bump: float = 0.03  # standard deviation of a random bend [map sizes]
 
     # --- long paths: the time of a search is proportional to the number of steps ---
-    merged_from: int = 200  # steps of the shortest start, above which steps are merged
-    merged_legs: int = 100  # runs of steps that it then has, about
+    legs: int = 100  # runs of equal controls that paths of 150 steps and more are made of, about
 
     @classmethod
     def of(cls, cfg: RefineConfig) -> Effort:

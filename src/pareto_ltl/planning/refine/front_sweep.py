@@ -4,7 +4,7 @@ All lines are polished a little, the most promising of them more (``looks``). Th
 reduce the failure rate, and from the longest of these the cap falls until no path satisfies it (``levels``).
 A level begins with the best classes of the level before, in several numbers of steps from the fewest upwards.
 
-These paths, and those of the trees, are then compared by more flights. Points along their front are polished
+These paths and the best tree paths are then compared by more flights. Points along their front are polished
 on these, and the safest is lengthened. More points come into the widest gaps, and all are polished at last
 within the chance constraints of all segments (``last_polish``).
 
@@ -14,10 +14,9 @@ may take less energy.
 With a time budget the sweeps end when most of it is spent. If some is left after them, paths of the front are
 varied and polished again until it is spent.
 
-The time of a search is proportional to the number of steps. A path of more than ``Effort.merged_from`` steps
-is therefore refined in about ``Effort.merged_legs`` runs of steps with one control each, none longer than the
-share ``SHARE_OF_PLACE`` of the narrowest place, so that no flight passes a region between two of its
-positions. The wind of a run is the wind of its middle, its gust the mean of the gusts of its steps: the
+The time of a search is proportional to the number of steps. Long paths are therefore refined in about
+``Effort.legs`` runs of two and more steps with one control each, none longer than the share
+``SHARE_OF_PLACE`` of the narrowest place, so that no flight passes a region between two of its positions. The wind of a run is the wind of its middle, its gust the mean of the gusts of its steps: the
 flights are the same. The paths are then polished once more, checked and judged in all steps. Steps are merged
 in the coherent law only, whose gusts are averaged over time, and for missions without time windows, which are
 read at the steps.
@@ -211,7 +210,7 @@ def steps_to_merge(effort: Effort, problem: Problem, starts: Iterable[Start]) ->
     law = problem.world.law
     moving = bool((problem.motion.a != np.eye(2)).any())
     apart = isinstance(law, kd.IndependentLaw) or len(problem.logic.delta) > 1 or moving
-    if fewest <= effort.merged_from or apart:
+    if apart:
         return 1
     marks = (
         [2.0 * float(radius) for radius in law.landmarks.disc[:, 2]]
@@ -219,7 +218,7 @@ def steps_to_merge(effort: Effort, problem: Problem, starts: Iterable[Start]) ->
         else []
     )
     width = min([narrowest_place(problem.scene).width, *marks])
-    return max(1, min(round(fewest / effort.merged_legs), int(SHARE_OF_PLACE * width / problem.reach)))
+    return max(1, min(round(fewest / effort.legs), int(SHARE_OF_PLACE * width / problem.reach)))
 
 
 def starts_in_merged_steps(
