@@ -489,16 +489,13 @@ def test_starts_are_chosen_by_what_two_solves_make_of_them(looked):
     begun, _ = looked
     starts = [start for start in first_starts(begun.problem).values() if not start.grown]
     bent, rows = levels._glanced(begun, starts)  # noqa: SLF001
-    width = begun.polish_of(EFFORT.glance).widths[-1]
-    plain = []
+    how, plain = begun.polish_of(EFFORT.glance), []
     for start, better, (failure, length) in zip(starts, bent, rows, strict=True):
-        again = begun.refiner.assessed(begun.refiner.flown(better.x), begun.few, width, 1.0)
+        again = begun.refiner.assessed(begun.refiner.flown(better.x), begun.few, how)
         np.testing.assert_allclose([again.smoothed, again.length], [failure, length], rtol=1e-6)
-        assert length <= 1.01 * EFFORT.loose * length_of(begun.timed_means(start.x, 1))
-        first = begun.refiner.assessed(
-            begun.refiner.flown(begun.timed_means(start.x, 1)), begun.few, width, 1.0
-        )
-        plain.append(first.smoothed)
+        x = begun.timed_means(start.x, 1)
+        assert length <= 1.01 * EFFORT.loose * length_of(x)
+        plain.append(begun.refiner.assessed(begun.refiner.flown(x), begun.few, how).smoothed)
     assert (rows[:, 0] <= np.array(plain)).all()
     assert (rows[:, 0] < np.array(plain)).mean() > 0.8
     assert (np.argsort(rows[:, 0]) != np.argsort(plain)).any()

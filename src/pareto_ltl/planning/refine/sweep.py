@@ -111,8 +111,7 @@ class Sweep:
 
     def reassessed(self, k: Candidate, flights: CommonFlights) -> Candidate:
         """A path with its failures in other ``flights``."""
-        how = self.polish_of(self.effort.sweep)
-        return self.refiner.assessed(k.flight, flights, how.widths[-1], how.half, k.origin)
+        return self.refiner.assessed(k.flight, flights, self.polish_of(self.effort.sweep), k.origin)
 
     def class_of(self, k: Candidate) -> PathClass:
         """The class of ``k``."""
