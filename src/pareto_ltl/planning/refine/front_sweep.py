@@ -16,10 +16,11 @@ varied and polished again until it is spent.
 
 The time of a search is proportional to the number of steps. Long paths are therefore refined in about
 ``Effort.legs`` runs of two and more steps with one control each, none longer than the share
-``SHARE_OF_PLACE`` of the narrowest place, so that no flight passes a region between two of its positions. The wind of a run is the wind of its middle, its gust the mean of the gusts of its steps: the
-flights are the same. The paths are then polished once more, checked and judged in all steps. Steps are merged
-in the coherent law only, whose gusts are averaged over time, and for missions without time windows, which are
-read at the steps.
+``SHARE_OF_PLACE`` of the narrowest place, so that no flight passes a region between two of its positions. The
+wind of a run is the wind of its middle, its gust the mean of the gusts of its steps: the flights are the
+same. The paths are then polished once more, checked and judged in all steps. Steps are merged in the coherent
+law only, whose gusts are averaged over time, and for missions without time windows, which are read at the
+steps.
 """
 
 from __future__ import annotations
