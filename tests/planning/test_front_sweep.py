@@ -146,6 +146,26 @@ def test_the_effort_of_a_search_comes_from_the_settings_and_is_less_with_coarse_
     assert all(own == sorted(own, reverse=True) for own in widths)
 
 
+def test_scouts_have_different_flights(grown):
+    problem, forest = grown
+    cfg = RefineConfig(flights=1000, sweep_flights=100)
+    drawn = draw_flights(problem, problem.fidelity.law, Effort.of(cfg).all_flights, SeedSequence(5))
+    found = list(front_sweep.scouts(front_sweep.new_sweep(Effort.of(cfg), problem, first_of(drawn))))
+    assert [(len(s.few), len(s.flights)) for s in found] == [(100, 1000)] * 2
+    flight = propagate(problem, next(iter(first_starts(problem, forest).values())).x)
+    ends = [s.few.positions(flight)[:, -1] for s in found]
+    assert len(np.unique(np.concatenate(ends), axis=0)) == sum(map(len, ends))
+
+
+def test_scouts_share_the_flights_where_there_are_few_and_a_coarse_search_has_one(grown):
+    problem, _ = grown
+    cfg = RefineConfig(flights=60, sweep_flights=40)
+    drawn = draw_flights(problem, problem.fidelity.law, cfg.flights, SeedSequence(5))
+    for settings, number in ((cfg, 2), (cfg.coarse(), 1)):
+        found = list(front_sweep.scouts(front_sweep.new_sweep(Effort.of(settings), problem, first_of(drawn))))
+        assert [(len(s.few), len(s.flights)) for s in found] == [(40, 60)] * number
+
+
 # --- starts -----------------------------------------------------------------------------------
 
 
@@ -465,8 +485,8 @@ def test_progress_tells_how_many_paths_there_are_and_how_the_safest_fails(grown)
     flights = draw_flights(problem, problem.fidelity.law, cfg.flights, SeedSequence(5))
     paths = sampled_paths(Effort.of(cfg), problem, forest, first_of(flights), lambda *news: told.append(news))
     steps = [done for done, *_ in told]
-    assert steps == [1, 2, 3]  # looks, sweeps, and the last polish
-    assert {total for _, total, *_ in told} == {3}
+    assert steps == list(range(1, 6))  # two of each scout, and the last polish
+    assert {total for _, total, *_ in told} == {5}
     assert len(told[-1][3]) == len(paths)
     form = r"\d+ paths of at least \d+\.\d km; the safest fails \S+ % at \d+\.\d km"
     assert all(re.fullmatch(form, state) for *_, state, _ in told)
@@ -484,47 +504,19 @@ def looked(grown):
     return begun, levels.looks(begun, first_starts(problem, forest))
 
 
-def test_starts_are_chosen_by_what_two_solves_make_of_them(looked):
-    """As they are, they fail more often, and in another order; a start may stay as it is."""
-    begun, _ = looked
-    starts = [start for start in first_starts(begun.problem).values() if not start.grown]
-    bent, rows = levels._glanced(begun, starts)  # noqa: SLF001
-    how, plain = begun.polish_of(EFFORT.glance), []
-    for start, better, (failure, length) in zip(starts, bent, rows, strict=True):
-        again = begun.refiner.assessed(begun.refiner.flown(better.x), begun.few, how)
-        np.testing.assert_allclose([again.smoothed, again.length], [failure, length], rtol=1e-6)
-        x = begun.timed_means(start.x, 1)
-        assert length <= 1.01 * EFFORT.loose * length_of(x)
-        plain.append(begun.refiner.assessed(begun.refiner.flown(x), begun.few, how).smoothed)
-    assert (rows[:, 0] <= np.array(plain)).all()
-    assert (rows[:, 0] < np.array(plain)).mean() > 0.8
-    assert (np.argsort(rows[:, 0]) != np.argsort(plain)).any()
-
-
-def test_tree_paths_are_compared_with_what_the_search_makes_of_lines(grown, monkeypatch):
-    """They begin a search only where there is no line."""
-    problem, forest = grown
-    flights = draw_flights(problem, "coherent", EFFORT.all_flights, SeedSequence(5))
-    begun, starts = sweep.new_sweep(EFFORT, problem, first_of(flights)), first_starts(problem, forest)
-    lines = {kind: start for kind, start in starts.items() if not start.grown}
-    trees = {kind: start for kind, start in starts.items() if start.grown}
-    assert lines
-    assert trees
-    given = []
-
-    def looks(begun, some):
-        given.append(dict(some))
-        return levels.looks(begun, some)
-
-    monkeypatch.setattr(front_sweep, "looks", looks)
-    monkeypatch.setattr(front_sweep, "finished", lambda _, known: known)
-    monkeypatch.setattr(last_polish, "closed", lambda _, k: k)
-    for some, first in ((starts, lines), (lines, lines), (trees, trees)):
-        given.clear()
-        found = front_sweep._searches(begun, some)  # noqa: SLF001
-        assert given == [first]
-        origins = {k.origin.partition(" ")[0] for k, _ in found}
-        assert ("tree" in origins) == (some is not lines)
+def test_a_second_scout_goes_on_from_the_looks_of_the_first(looked):
+    """It flies the same paths with its own flights, and sorts them by these."""
+    begun, seen = looked
+    begun = replace(begun, effort=replace(EFFORT, scouts=2))
+    first, second = front_sweep.scouts(begun)
+    own = second.compared(seen)
+    assert [k.smoothed for k in own] == sorted(k.smoothed for k in own)
+    assert {k.flight.x.tobytes() for k in own} == {k.flight.x.tobytes() for k in seen}
+    width = begun.polish_of(EFFORT.sweep).widths[-1]
+    for k in own[:3]:
+        there = second.refiner.assessed(k.flight, second.few, width, 1.0)
+        assert k.smoothed == there.smoothed
+        assert k.smoothed != first.refiner.assessed(k.flight, first.few, width, 1.0).smoothed
 
 
 def test_a_path_is_polished_in_the_fewest_steps_and_its_own_and_in_more_where_it_may_be_slower(looked):

@@ -49,7 +49,7 @@ def task(wider: float = 0.0, thicker: float = 0.0):
 def planned():
     """The problem, its shortest refined path, and flights of it."""
     problem, planner = task()
-    effort = Effort(flights=300, sweep_flights=100, classes=2, points=4)
+    effort = Effort(flights=300, sweep_flights=100, classes=2, points=4, scouts=1)
     flights = draw_flights(problem, "coherent", 1200, SeedSequence(1))
     forest = grow_forest(planner, problem, SeedSequence(3))
     path = sampled_paths(effort, problem, forest, first_of(flights))[0]

@@ -36,6 +36,22 @@ def test_a_share_is_over_when_it_is_spent(clock):
     assert budget.over()
 
 
+def test_a_part_has_shares_of_its_own(clock):
+    budget = Budget(10.0)
+    budget.begin()
+    part = budget.until(0.6)
+    clock[0] += 1.0
+    assert part.left() == pytest.approx(5.0)
+    assert part.left(0.5) == pytest.approx(2.0)
+    clock[0] += 5.0
+    assert part.over()
+    assert not budget.over()
+    assert UNLIMITED.until(0.6).left() == math.inf
+    budget = Budget(10.0)
+    budget.end()
+    assert budget.until(0.6).over()
+
+
 def test_without_seconds_there_is_no_end_and_no_clock(monkeypatch):
     monkeypatch.setattr(module.time, "perf_counter", None)
     assert UNLIMITED.left() == math.inf

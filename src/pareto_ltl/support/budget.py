@@ -57,6 +57,10 @@ class Budget:
         """Record that the user asks to end early."""
         self.asked = True
 
+    def until(self, share: float) -> Budget:
+        """The part of this limit until ``share`` (0 to 1) of it is used; shares of the part count from 0."""
+        return _Part(self, share)
+
     @contextmanager
     def ends_at_key(self) -> Iterator[None]:
         """In the block, while ``heeded`` is set, the first Ctrl-C calls :meth:`end`; any other ends the run.
@@ -80,6 +84,17 @@ class Budget:
             yield
         finally:
             signal.signal(signal.SIGINT, before)
+
+
+class _Part(Budget):
+    """The first ``share`` of another limit."""
+
+    def __init__(self, whole: Budget, share: float) -> None:
+        super().__init__(whole.seconds)
+        self.whole, self.share = whole, share
+
+    def left(self, share: float = 1.0) -> float:
+        return self.whole.left(share * self.share)
 
 
 UNLIMITED = Budget()

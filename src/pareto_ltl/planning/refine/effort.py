@@ -32,17 +32,17 @@ class Effort:
     Coarse settings have the values of :data:`COARSE`, too. All other numbers are the same for every search.
     """
 
-    # --- flights ---
+    # --- flights and scouts ---
     flights: int
     sweep_flights: int
     classes: int
     points: int
+    scouts: int = 2  # sweeps fitted to different flights: more flights made seeds agree no better
     more_flights: int = 4  # times as many flights are used where failures are rare
     sweep_share: float = 0.75  # of a time budget, after which only the last polish is left
 
     # --- polishes, widths in map sizes: a wide τ moves a path far, a narrow one counts failures exactly ---
-    glance: Polish = Polish((0.020,), 2)  # of every start, to choose by
-    first: Polish = Polish((0.020, 0.007), 4)  # of a start that is chosen
+    first: Polish = Polish((0.020, 0.007), 4)  # of a start
     sweep: Polish = Polish((0.008, 0.004), 3)  # at a length cap, from a path polished before
     wide: Polish = Polish((0.020, 0.008, 0.004), 3)  # of a path that may have to change its form
     last: Polish = Polish((0.003, 0.002), 4, stiff=20.0, half=0.1)  # of a point of the front
@@ -59,8 +59,8 @@ class Effort:
     tree_classes: int = 24  # classes and lengths of tree paths, those with the least risk
 
     # --- first looks ---
-    looked: int = 12  # the best lines at a glance, which are polished
-    looked_grown: int = 6  # the best tree paths, which are compared with what the search makes of lines
+    looked_lines: int = 12  # the best lines that are polished; every seed has the same ones
+    looked_grown: int = 6  # the best tree paths, which do not compete with lines
     looked_longest: int = 4  # the longest starts, which fail little only once they are polished
     loose: float = 1.1  # factor by which the first polish may lengthen a start
     flipped: int = 2  # candidates that are tried on the other side of obstacles
@@ -113,7 +113,7 @@ class Effort:
 
 
 COARSE: dict[str, Any] = {  # of a first impression, a quarter of the CPU time of the usual effort
-    "looked": 6, "looked_grown": 2, "looked_longest": 2, "flipped": 1, "led": 2,
+    "scouts": 1, "looked_lines": 6, "looked_longest": 2, "flipped": 1, "led": 2,
     "spacing": 1.06, "economic": 3,
 }  # fmt: skip
 USUAL = Effort.of(RefineConfig())  # of a caller that asks for starts without a search

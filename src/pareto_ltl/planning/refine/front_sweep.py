@@ -1,11 +1,13 @@
 """The front of failure rate and length: sweeps of the length cap in the best classes of paths.
 
-All lines are polished a little, the most promising of them more (``looks``). This gives the lengths that
-reduce the failure rate, and from the longest of these the cap falls until no path satisfies it (``levels``).
-A level begins with the best classes of the level before, in several numbers of steps from the fewest upwards.
+Scouts (:func:`scouts`) have different flights. The first one ranks all starts by one simulation and polishes
+the most promising cheaply (``looks``); the others fly what it found with their flights. Each finds the
+lengths that reduce the failure rate, and from the longest of these its cap falls until no path satisfies it
+(``levels``). A level begins with the best classes of the level before, in several numbers of steps from the
+fewest upwards.
 
-These paths and the best tree paths are then compared by more flights. Points along their front are polished
-on these, and the safest is lengthened. More points come into the widest gaps, and all are polished at last
+The paths of all scouts are then compared by the same flights. Points along their front are polished on more
+flights, and the safest is lengthened. More points come into the widest gaps, and all are polished at last
 within the chance constraints of all segments (``last_polish``).
 
 For a robot with a power curve, points of the front are also polished in more steps: at lower airspeeds a path
@@ -40,7 +42,7 @@ from pareto_ltl.planning.problem import Problem, with_merged_steps
 from pareto_ltl.planning.records import Forest, PlannedPath
 from pareto_ltl.planning.refine import last_polish
 from pareto_ltl.planning.refine.effort import Effort
-from pareto_ltl.planning.refine.levels import grown_looks, looks, swept_down
+from pareto_ltl.planning.refine.levels import looks, swept_down
 from pareto_ltl.planning.refine.sampled import Candidate, divided
 from pareto_ltl.planning.refine.starts import (
     Start,
@@ -51,13 +53,12 @@ from pareto_ltl.planning.refine.starts import (
     tree_starts,
     unlike_starts,
 )
-from pareto_ltl.planning.refine.sweep import Draw, Progress, Sweep, front_of, new_sweep
+from pareto_ltl.planning.refine.sweep import SCOUT_STEPS, Draw, Progress, Sweep, front_of, new_sweep
 from pareto_ltl.planning.separation import excess
 from pareto_ltl.support.arrays import FloatArray
 from pareto_ltl.support.budget import UNLIMITED, Budget
 from pareto_ltl.world.time_step import SHARE_OF_PLACE, narrowest_place
 
-REPORTS = 3  # of progress: the looks, the sweeps, the last polish
 LONG = 1e5  # [m] lengths above have no decimals in messages
 
 
@@ -87,14 +88,13 @@ def sampled_paths(
 def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Candidate, Candidate]]:
     """What the search finds, each path before and after its last solve (``closed``).
 
-    It begins with lines, which every seed has, or with tree paths if there are none. Tree paths of other
-    classes and lengths are compared with what it finds. Where none keeps epsilon, more solves within the
-    chance constraints bring all nearer to it, a little longer where that helps.
+    Where none keeps epsilon, more solves within the chance constraints bring all nearer to it, a little
+    longer where that helps.
     """
-    lines = {kind: start for kind, start in starts.items() if not start.grown}
-    seen = looks(sweep, lines or starts)
-    grown = grown_looks(sweep, (start for start in starts.values() if lines and start.grown))
-    known = [*_compared(sweep, swept(sweep, seen)), *_compared(sweep, grown)]
+    seen, known = list[Candidate](), list[Candidate]()
+    for scout in scouts(sweep):
+        seen = scout.compared(seen) if seen else looks(scout, starts)
+        known += _compared(sweep, scout, swept(scout, seen))
     found = finished(sweep, known)
     ended = on_all_cores(partial(last_polish.closed, sweep), found)
     if all(excess(sweep.problem, end.flight).any() for end in ended):
@@ -103,10 +103,24 @@ def _searches(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[tuple[Can
     return list(zip(found, ended, strict=True))
 
 
-def _compared(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
-    """The front of what is ``found``, and the best of each class, by the flights that polish points."""
-    chosen = {id(k): k for k in (*front_of(found), *sweep.best_of_classes(found, more=sweep.effort.compared))}
+def _compared(sweep: Sweep, scout: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
+    """The front of what a scout has ``found``, and the best of each class, by the flights of ``sweep``."""
+    chosen = {id(k): k for k in (*front_of(found), *scout.best_of_classes(found, more=sweep.effort.compared))}
     return on_all_cores(partial(sweep.reassessed, flights=sweep.flights), chosen.values())
+
+
+def scouts(sweep: Sweep) -> Iterator[Sweep]:
+    """Sweeps that differ in their flights, of ``sweep.flights`` if there are enough; one of a coarse search.
+
+    What a sweep misses depends on which flights it is fitted to, more than on how many: on five missions
+    four times as many flights did not make seeds agree better, and a second sweep did.
+    """
+    number, n = sweep.effort.scouts, len(sweep.few)
+    drawn = sweep.flights if number * n <= len(sweep.flights) else sweep.many()
+    for k in range(number):
+        few = drawn.only(np.sort((np.arange(n) + k * n) % len(drawn)))
+        budget = sweep.budget.until(sweep.effort.sweep_share * (k + 1) / number)
+        yield replace(sweep, few=few, budget=budget, before=SCOUT_STEPS * k)
 
 
 def _paths_of(
@@ -123,12 +137,13 @@ def _paths_of(
     return last_polish.planned_paths(sweep.problem, [end for _, end in ended], repairs)
 
 
-def swept(sweep: Sweep, seen: Sequence[Candidate]) -> list[Candidate]:
-    """All paths of the sweeps, and those ``seen``."""
-    sweep = replace(sweep, hope=sweep.hope_of(seen))
-    _report(sweep, 1, seen)
-    found = [*seen, *chain(*swept_down(sweep, seen))]
-    _report(sweep, 2, found)
+def swept(scout: Sweep, seen: Sequence[Candidate]) -> list[Candidate]:
+    """All paths that a scout finds in its sweeps, and those ``seen``."""
+    scout = replace(scout, hope=scout.hope_of(seen))
+    _report(scout, 1, seen)
+    levels = swept_down(scout, seen)
+    found = [*seen, *chain(*levels)]
+    _report(scout, 2, found)
     return found
 
 
@@ -141,11 +156,11 @@ def finished(sweep: Sweep, known: Sequence[Candidate]) -> list[Candidate]:
     front = front_of(filter(sweep.hope.holds, known)) or front_of(known)[:1]
     for better in improved_fronts(sweep, front):
         front = better
-        _report(sweep, 2, front)
+        _report(sweep, 0, front)
     found = front_of(last_polish.finished_points(sweep, front))
     found = front_of([*found, *last_polish.lengthened_points(sweep, found)])
     found = last_polish.divided_gaps(sweep, found)
-    _report(sweep, REPORTS, found)
+    _report(sweep, 1, found)
     return [*found, *last_polish.slower_points(sweep, found)]
 
 
@@ -199,7 +214,8 @@ def _report(sweep: Sweep, done: int, found: Iterable[Candidate]) -> None:
     shortest, safest = (distance_text(k.length, 0 if k.length > LONG else 1) for k in (front[0], front[-1]))
     fails = f"the safest fails {100 * front[-1].failed:.2g} % at {safest}"
     state = f"{len(front)} paths of at least {shortest}; {fails}"
-    sweep.progress(done, REPORTS, state, [(k.failed, k.flight.x) for k in front])
+    total, shown = sweep.all_steps, [(k.failed, k.flight.x) for k in front]
+    sweep.progress(min(sweep.before + done, total), total, state, shown)
 
 
 # --- long paths -----------------------------------------------------------------------------------

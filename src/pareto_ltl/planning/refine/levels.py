@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from itertools import chain
 
@@ -43,7 +42,7 @@ def first_looks(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[Candida
     The first start is polished even if the time budget is spent.
     """
     effort, look = sweep.effort, partial(first_look, sweep)
-    chosen = _promising(sweep, starts.values(), effort.looked, effort.looked_longest)
+    chosen = _promising(sweep, list(starts.values()))
     found = sweep.in_time(look, chosen) or [look(start) for start in chosen[:1]]
     known, tried = {kind for kind, _ in starts}, set[StartKind]()
     best = _safest(found, effort.flipped)
@@ -54,8 +53,9 @@ def first_looks(sweep: Sweep, starts: Mapping[StartKind, Start]) -> list[Candida
         led = [start for k in safest for start in led_starts(sweep.problem, k.flight, k.origin)]
         if unlike := {kind: s for kind, s in unlike_starts(sweep.problem, led).items() if kind not in tried}:
             tried |= unlike.keys()
-            new, rows = _glanced(sweep, unlike.values())
-            found += sweep.in_time(look, (new[k] for k in _by_fronts(rows)[: effort.led_looks]))
+            new = list(unlike.values())
+            order = _by_fronts(_flown_once(sweep, new))[: effort.led_looks]
+            found += sweep.in_time(look, (new[k] for k in order))
     return sorted(found, key=smoothed)
 
 
@@ -64,35 +64,32 @@ def _safest(found: Iterable[Candidate], limit: int) -> list[Candidate]:
     return sorted(front_of(found), key=smoothed)[:limit]
 
 
-def grown_looks(sweep: Sweep, starts: Iterable[Start]) -> list[Candidate]:
-    """What cheap polishes make of the best tree paths."""
-    chosen = _promising(sweep, starts, sweep.effort.looked_grown)
-    return sweep.in_time(partial(first_look, sweep), chosen)
+def _promising(sweep: Sweep, starts: Sequence[Start]) -> list[Start]:
+    """The best lines and the best tree paths in one simulation, and the longest starts.
 
-
-def _promising(sweep: Sweep, starts: Iterable[Start], best: int, longest: int = 0) -> list[Start]:
-    """The ``best`` starts at a glance, by whole fronts of failure and length, and the ``longest``."""
-    bent, rows = _glanced(sweep, starts)
-    if not bent:
-        return []
-    first, last = _by_fronts(rows)[:best], np.argsort(-rows[:, 1], kind="stable")[:longest]
-    return [bent[k] for k in dict.fromkeys([*first.tolist(), *last.tolist()])]
-
-
-def _glanced(sweep: Sweep, starts: Iterable[Start]) -> tuple[list[Start], FloatArray]:
-    """Starts after very few solves, and their smoothed failures and lengths [m], (n, 2).
-
-    As they are, lines touch the rims of regions, and their failures do not tell which of them are good.
+    The best are taken by whole fronts of failure and length. Lines do not compete with tree paths: every seed
+    has the same ones.
     """
-    how = sweep.polish_of(sweep.effort.glance)
+    if not starts:
+        return []
+    effort = sweep.effort
+    rows, grown = _flown_once(sweep, starts), np.array([start.grown for start in starts])
+    order = _by_fronts(rows)
+    lines, trees = order[~grown[order]][: effort.looked_lines], order[grown[order]][: effort.looked_grown]
+    longest = np.argsort(-rows[:, 1], kind="stable")[: effort.looked_longest]
+    return [starts[k] for k in dict.fromkeys([*lines.tolist(), *trees.tolist(), *longest.tolist()])]
 
-    def one(start: Start) -> tuple[Start, float, float]:
-        x = sweep.timed_means(start.x, 1)
-        k = sweep.refiner.polish(x, sweep.few, how, sweep.effort.loose * length_of(x), start.origin)
-        return replace(start, x=k.flight.x), k.smoothed, k.length
 
-    made = on_all_cores(one, starts)
-    return [start for start, *_ in made], np.array([row for _, *row in made])
+def _flown_once(sweep: Sweep, starts: Sequence[Start]) -> FloatArray:
+    """Smoothed failure and length [m] of each start in one simulation, (n, 2)."""
+    how = sweep.polish_of(sweep.effort.first)
+
+    def row(start: Start) -> tuple[float, float]:
+        flight = sweep.refiner.flown(sweep.timed_means(start.x, 1))
+        k = sweep.refiner.assessed(flight, sweep.few, how.widths[0], how.half)
+        return k.smoothed, k.length
+
+    return np.array(on_all_cores(row, starts))
 
 
 def _by_fronts(rows: FloatArray) -> IntArray:

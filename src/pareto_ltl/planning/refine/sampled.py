@@ -177,7 +177,7 @@ class Refiner:
     ) -> Candidate:
         """The result of trust-region Newton from the means ``x`` (T+1, 2), about ``longest`` [m] at most."""
         flight = self.polished(x, flights, how, longest)
-        return self.assessed(flight, flights, how, origin)
+        return self.assessed(flight, flights, how.widths[-1], how.half, origin)
 
     def polished(self, x: FloatArray, flights: CommonFlights, how: Polish, longest: float) -> Flight:
         """The flight of :meth:`polish`, whose failures are not counted."""
@@ -201,18 +201,20 @@ class Refiner:
         alone, _ = self.slope(flight.x, flights.unaided(flight), width, runs)
         return max(alone.value - here.value, 0.0)
 
-    def assessed(self, flight: Flight, flights: CommonFlights, how: Polish, origin: str = "") -> Candidate:
-        """``flight`` as it is, with its failure smoothed over the last width of ``how``.
+    def assessed(
+        self, flight: Flight, flights: CommonFlights, width: float, half: float, origin: str = ""
+    ) -> Candidate:
+        """``flight`` as it is, with its failure smoothed over ``width`` [m]; ``half`` as in :class:`Polish`.
 
         Flights that need more energy than the robot has fail; the solves do not see them. What the
         worst segment exceeds epsilon by is added to the smoothed failure, unless the last solve can mend it.
         """
         off, exhausted = flights.ended(flight)
-        here, margins = self.slope(flight.x, off, how.widths[-1], len(flights))
+        here, margins = self.slope(flight.x, off, width, len(flights))
         failed, kind = margins < 0.0, path_class(self.problem, flight.x)
         landed = float((exhausted & ~failed).mean())
-        above = max(float(excess(self.problem, flight).max()) - MENDED * how.half, 0.0)
-        breach = above / (above + how.half)
+        above = max(float(excess(self.problem, flight).max()) - MENDED * half, 0.0)
+        breach = above / (above + half)
         smoothed = here.value + landed + breach
         return Candidate(
             flight, length_of(flight.x), smoothed, float(failed.mean()) + landed, origin, kind, breach

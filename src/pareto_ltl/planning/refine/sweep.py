@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -35,6 +36,8 @@ Item = TypeVar("Item")
 Progress = Callable[..., None]
 Draw = Callable[[int], CommonFlights]  # the first of the common flights
 
+SCOUT_STEPS = 2  # that are reported of each scout
+
 
 class Hope(NamedTuple):
     """What the smoothed ``failure`` of a path is below, and the ``total`` with its breach of epsilon."""
@@ -56,6 +59,8 @@ class Sweep:
 
     The common flights, the time ``budget``, and what paths have to reach (``hope``).
 
+    ``progress`` is called with the steps of the search, the ``before`` steps of other scouts counted.
+
     The last polish is made by ``closing``, within the chance constraints.
 
     Sweeps use ``few`` flights, the last polish ``flights``, and paths that rarely fail ``many()``, which are
@@ -72,12 +77,18 @@ class Sweep:
     many: Callable[[], CommonFlights]
     budget: Budget = UNLIMITED
     progress: Progress | None = None
+    before: int = 0
     hope: Hope = SOME
 
     @property
     def over(self) -> bool:
         """Whether so much of the budget is spent that only the last polish is left to do."""
         return self.budget.over(self.effort.sweep_share)
+
+    @property
+    def all_steps(self) -> int:
+        """The steps that are reported: some of each scout, and the last polish."""
+        return SCOUT_STEPS * self.effort.scouts + 1
 
     def polish_of(self, how: Polish) -> Polish:
         """A polish of the effort, with widths on this map."""
@@ -110,8 +121,14 @@ class Sweep:
         return [k for k in made if k is not None]
 
     def reassessed(self, k: Candidate, flights: CommonFlights) -> Candidate:
-        """A path with its failures in other ``flights``."""
-        return self.refiner.assessed(k.flight, flights, self.polish_of(self.effort.sweep), k.origin)
+        """A path of another search, with its failures in ``flights``."""
+        how = self.polish_of(self.effort.sweep)
+        return self.refiner.assessed(k.flight, flights, how.widths[-1], how.half, k.origin)
+
+    def compared(self, found: Iterable[Candidate]) -> list[Candidate]:
+        """The paths ``found`` by another scout, with their failures in the few flights of this one."""
+        few = partial(self.reassessed, flights=self.few)
+        return sorted(on_all_cores(few, found), key=smoothed)
 
     def class_of(self, k: Candidate) -> PathClass:
         """The class of ``k``."""
@@ -168,8 +185,9 @@ def new_sweep(
     """A sweep with the first of the common flights; ``effort`` says how many."""
     some, many = draw(effort.flights).linear(), made_once(lambda: draw(effort.all_flights).linear())
     few, model = first_of(some)(effort.sweep_flights), margin_model(problem)
+    before = SCOUT_STEPS * effort.scouts
     refiner, closing = Refiner(problem, model), ConstrainedRefiner(problem, model)
-    return Sweep(effort, problem, refiner, closing, few, some, many, budget, progress)
+    return Sweep(effort, problem, refiner, closing, few, some, many, budget, progress, before)
 
 
 def first_of(flights: CommonFlights) -> Draw:
