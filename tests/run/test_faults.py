@@ -112,6 +112,24 @@ def test_a_run_that_is_stopped_leaves_no_process_and_no_figure(tmp_path: Path, n
     assert not (tmp_path / "place" / "figures").exists()
 
 
+def test_a_reader_that_leaves_early_does_not_end_the_run(
+    undisturbed: tuple[Path, float], tmp_path: Path
+) -> None:
+    """As ``head`` does: the summary is printed before the figures are made."""
+    place = tmp_path / "place"
+    process = started(*SMALL, f"hydra.run.dir={place}")
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    assert process.stderr.read() == ""
+    assert process.wait(PATIENCE) == 141
+    process.stderr.close()
+    assert json.loads((place / "run.json").read_text())["status"] == "ok"
+    check_same(place, undisturbed[0])
+    files = {path.relative_to(place) for path in place.rglob("*")}
+    assert files == {path.relative_to(undisturbed[0]) for path in undisturbed[0].rglob("*")}
+
+
 def test_a_sweep_that_was_killed_at_any_moment_is_finished_by_the_same_command(tmp_path: Path) -> None:
     words = ("-m", *SMALL, *GRID)
     began = time.monotonic()

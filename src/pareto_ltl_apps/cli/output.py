@@ -90,15 +90,20 @@ Tell = Callable[[Answer], None]
 def answered(work: Callable[[Tell], Answer], output: Output) -> int:
     """Do ``work``, print its answer in the form ``output``, and return its exit code.
 
-    ``work`` may print the answer before it ends, by its argument; what it returns is then not printed.
+    ``work`` may print the answer before it ends, by its argument; what it returns is then not printed. If the
+    reader of the output has ended by then, as ``head`` does, the work goes on, and the error is raised
+    afterwards.
     """
-    told, stdout = list[Answer](), sys.stdout
+    told, unread, stdout = list[Answer](), list[BrokenPipeError](), sys.stdout
 
     def tell(answer: Answer) -> None:
-        with redirect_stdout(stdout):
-            print_answer(answer, output)
-            stdout.flush()
         told.append(answer)
+        try:
+            with redirect_stdout(stdout):
+                print_answer(answer, output)
+                stdout.flush()
+        except BrokenPipeError as error:
+            unread.append(error)
 
     with ExitStack() as redirected:  # for programs, nothing but the answer is on the standard output
         if output is Output.JSON:
@@ -107,6 +112,8 @@ def answered(work: Callable[[Tell], Answer], output: Output) -> int:
             nowhere = redirected.enter_context(open(os.devnull, "w", encoding="utf-8"))
             redirected.enter_context(redirect_stdout(nowhere))
         answer = work(tell)
+    if unread:
+        raise unread[0]
     if not told:
         print_answer(answer, output)
     return answer.code
@@ -126,7 +133,10 @@ def print_answer(answer: Answer, output: Output) -> None:
             else:
                 from rich.console import Console
 
-                Console(highlight=False, markup=False).print(line)
+                try:
+                    Console(highlight=False, markup=False).print(line)
+                except SystemExit:  # rich ends the program if the reader of the output has ended
+                    raise BrokenPipeError from None
 
 
 def print_problem(line: str, output: Output = Output.TEXT) -> None:
