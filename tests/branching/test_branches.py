@@ -333,7 +333,8 @@ def branched_again(made: Path, **branch: Any) -> Plan:
     """The plan of ``made`` without its branches, branched by other settings: its front is not made again."""
     run = Run.open(made)
     plan = replace(run.plan, branching=None)
-    path = next(one for one in run.front.paths if np.array_equal(one.x, plan.path.x))
+    fronts = (one for one in run.front.paths if np.array_equal(one.x, plan.path.x))
+    path = next(fronts, run.front.paths[0])  # a trunk that is bent for its branches is not on the front
     settings = run.settings.with_sections(BranchConfig(leaves=2, **branch))
     return branched_plan(run.with_settings(settings), replace(plan, path=path))
 

@@ -28,7 +28,7 @@ SECOND = 9.0  # [h]
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("rejoin") / "run"
     branch = {"leaves": 2, "at": [AT, SECOND], "fixes": 2, "rejoin": True}
-    pareto_ltl.plan("phi1", PHI1, out=place, branch=branch, seed=1, **SMALL)
+    pareto_ltl.plan("phi1", PHI1, out=place, branch=branch, seed=3, **SMALL)
     return place
 
 
@@ -107,7 +107,7 @@ def test_the_script_adds_it_to_the_legs_after_the_fix(made: Path, tmp_path: Path
     assert n >= 1
     headings, speeds = sent(True)
     changes = fix.changes(place, plan.dt)
-    turn = math.radians(float(frame.north(fix.place)[0]))  # of grid north, from true north
+    turn = float(frame.north(fix.place)[0])  # of grid north, from true north [rad]
     for k in range(n):
         v, angle = log.airspeed[k], math.radians(log.heading_true[k])
         east, north = changes[int(k >= fix.rejoin)]
@@ -117,8 +117,8 @@ def test_the_script_adds_it_to_the_legs_after_the_fix(made: Path, tmp_path: Path
         true = min(max(math.hypot(e, o), motion.u_min), motion.u_max)
         wanted = true if air is None else float(air.calibrated(np.array([true]))[0])
         # The script takes distances from latitude and longitude by two coefficients: 60 m off at 30 km.
-        assert headings[k] == pytest.approx(math.degrees(math.atan2(e, o)) % 360.0, abs=0.4)
-        assert speeds[k] == pytest.approx(wanted, abs=0.15)  # one ratio to true airspeeds
+        assert headings[k] == pytest.approx(math.degrees(math.atan2(e, o)) % 360.0, abs=0.2)
+        assert speeds[k] == pytest.approx(wanted, abs=0.05)  # one ratio to true airspeeds
     plain, _ = sent(False)
     assert plain[:n] == pytest.approx(log.heading_true[:n].tolist(), abs=0.5)
     assert max(abs(a - b) for a, b in zip(plain, headings, strict=False)) > 1.0

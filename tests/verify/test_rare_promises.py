@@ -98,7 +98,7 @@ def test_further_flights_fail_as_often_as_the_first_ones(honest: dict[str, Path]
 
 def rare_plan(folder: Path, feedback: float | None = 400.0) -> Evidence:
     """The result of a plan whose flights seldom fail: a robot that corrects its course."""
-    rule = ["selection.rule=threshold", "selection.alpha=0.0015"]  # one that fails, though seldom
+    rule = ["selection.rule=threshold", "selection.alpha=0.004"]  # one that fails, though seldom
     words = [
         "+experiment=phi1",
         f"robot.feedback_time={feedback}",

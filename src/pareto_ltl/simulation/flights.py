@@ -51,7 +51,8 @@ FIX_NOISE = 2**16  # child of a block's seed for the errors of position fixes
 OWN_ERRORS = FIX_NOISE + 1  # child of a block's seed for the robot's own errors
 FLAGS = "accepted", "collided", "off_map"
 BLOCK = 250  # runs that share a generator, whatever the number of threads
-TANK_SPEEDS, SLOWEST = 512, 1e-3  # airspeeds of the table of powers, and the least of them in u_max
+TANK_SPEEDS, SLOWEST = 768, 1e-3  # airspeeds of the table of powers, and the least of them in u_max
+FASTEST = 1.5  # the greatest in u_max: robots with errors of the airspeed fly faster than it
 FARTHEST = 8.0  # deviations from a path beyond which no flight is expected
 
 # --- winds ------------------------------------------------------------------------------------
@@ -257,7 +258,7 @@ def full_tank(motion: kd.Motion, runs: int, energy: EnergyModel | None) -> kerne
     if energy is None or energy.capacity is None:
         return kernel.Tank(np.zeros(2), 0.0, 1.0, math.inf, np.zeros(0))
     slowest = max(motion.u_min, SLOWEST * motion.u_max)
-    speeds = np.linspace(slowest, motion.u_max, TANK_SPEEDS)
+    speeds = np.linspace(slowest, FASTEST * motion.u_max, TANK_SPEEDS)
     spacing = float(speeds[1] - speeds[0])
     return kernel.Tank(energy.curve.watts(speeds), slowest, spacing, energy.capacity, np.zeros(runs))
 
