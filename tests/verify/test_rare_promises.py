@@ -96,9 +96,9 @@ def test_further_flights_fail_as_often_as_the_first_ones(honest: dict[str, Path]
 # --- weighted flights ------------------------------------------------------------------------------
 
 
-def rare_plan(folder: Path, feedback: float | None = 400.0) -> Evidence:
+def rare_plan(folder: Path, feedback: float | None = 1000.0) -> Evidence:
     """The result of a plan whose flights seldom fail: a robot that corrects its course."""
-    rule = ["selection.rule=threshold", "selection.alpha=0.004"]  # one that fails, though seldom
+    rule = ["selection.rule=threshold", "selection.alpha=0.0015"]  # one that fails, though seldom
     words = [
         "+experiment=phi1",
         f"robot.feedback_time={feedback}",
@@ -129,7 +129,7 @@ def test_the_promise_of_rare_failures_has_the_rate_of_other_weighted_flights(rar
     assert binom.sf(failed - 1, 20_000, weights.mean()) > RARE
 
 
-@pytest.mark.parametrize("factor", [1e-6, 0.3])  # of a rate of 1e-4
+@pytest.mark.parametrize("factor", [1e-6, 0.3])  # of a rate of 2e-4
 def test_a_rare_promise_told_lower_is_contradicted_by_weighted_flights(rare: Evidence, factor: float) -> None:
     """By weighted flights alone: plain ones, far too few here, would not see it."""
     told: Any = Counted(0.0, factor * rare.plan["promise"]["low"], factor * rare.plan["promise"]["high"])
