@@ -100,3 +100,16 @@ def test_flights_without_energy_fail_and_polishes_do_not_see_it() -> None:
     np.testing.assert_array_equal(drawn["tight"].positions(flight), drawn["free"].positions(flight))
     stopped = deployment.simulate_flights(tight, U, 60, LAW, SeedSequence(3), flight.x)
     assert stopped.failed.all()
+
+
+@pytest.mark.parametrize("power", POWERS)
+def test_a_robot_that_flies_faster_than_its_largest_airspeed_spends_what_that_takes(power):
+    """Where its airspeed errs; the power at the largest airspeed would be too little."""
+    problem = problem_of(power, 1e6)
+    assert problem.energy is not None
+    tank = deployment.full_tank(problem.motion, 1, problem.energy)
+    for share in (0.6, 1.0, 1.015, 1.1, 1.4):
+        before, speed = float(tank.spent[0]), share * problem.motion.u_max
+        assert rollout.can_fly(tank, 0, speed, DT)
+        wanted = DT * float(problem.energy.curve.watts(np.array([speed]))[0])
+        assert tank.spent[0] - before == pytest.approx(wanted, rel=1e-3)
