@@ -44,13 +44,15 @@ def flown(problem, path, runs, seed=3, steps=None):
 
 def carry_all(pilot, t):
     """Bring the covariances of all flights to step ``t``, the last: a flight needs them at its fixes only."""
-    own, steps = pilot.beliefs, pilot.moves
+    own, made = pilot.beliefs, pilot.moves
     for row in set(pilot.history.tolist()):
         if own.step[row] < t:
             k = own.step[row]
-            moves.move_belief(own, row, steps, k)
-            if moves.changes(steps.kept[k]):
-                moves.fade_theta(own.known[row], own.rank[row], steps.kept[k])
+            while made.end[k] < t:
+                moves.lengthen(made, k, pilot.steps, made.end[k], own.push)
+            moves.move_belief(own, row, made, k)
+            if moves.changes(made.kept[k]):
+                moves.fade_theta(own.known[row], own.rank[row], made.kept[k])
 
 
 @pytest.mark.statistical
@@ -124,6 +126,30 @@ def test_errors_of_estimates_are_as_large_as_filters_say():
     assert pilot.fixed.mean() > 0.5
     own = squares[pilot.fixed]
     assert own.mean() == pytest.approx(2.0, abs=0.2 + 5.0 * 2.0 / np.sqrt(len(own)))
+
+
+@pytest.mark.statistical
+def test_shared_histories_cost_few_rows_and_change_flights_little():
+    """A search compares paths in them: flights spread as with a filter for each history."""
+    p = landmark_problem(replace(LANDMARK_SCENE, landmarks=SMALL_MARKS))
+    path, runs = evaluate_path(p, LANDMARK_WAY, ""), 4000
+    rng = np.random.default_rng(5)
+    draws = deployment.draw_coherent(p, runs, len(path.u), rng)
+    noise, begin = rng.standard_normal((len(path.x), runs, 2)), rng.standard_normal((runs, 2))
+    x, rows = np.empty((2, runs, len(path.x), 2)), []
+    for linear in (False, True):
+        pilot = deployment.pilot_maker(p, path.u, path.x, "coherent", linear=linear)(
+            noise, np.zeros((runs, 0))
+        )
+        x[int(linear), :, 0] = p.scene.start + np.sqrt(p.start_variance) * begin
+        deployment.fly_draws(p, draws, pilot, x[int(linear)])
+        rows.append(int((pilot.beliefs.last > 0).sum()))
+        assert pilot.shared == linear
+    assert rows[1] < 0.2 * rows[0]
+    apart = np.sqrt(((x[0] - x[1]) ** 2).sum(axis=2).mean(axis=0))
+    wide = np.sqrt(((x[0] - path.x) ** 2).sum(axis=2).mean(axis=0))
+    assert (apart < 0.2 * wide + 1.0).all()
+    np.testing.assert_allclose(np.sqrt(((x[1] - path.x) ** 2).sum(axis=2).mean(axis=0)), wide, rtol=0.05)
 
 
 def test_a_flight_that_misses_a_landmark_flies_on_as_without():

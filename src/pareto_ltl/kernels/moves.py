@@ -22,6 +22,7 @@ def stay(moves: Moves, k: int) -> None:
             moves.push[k, r, j], moves.mixed[k, r, j] = F32(0.0), F32(0.0)
     for m in range(modes):
         moves.kept[k, m] = F32(1.0)
+    moves.end[k] = k
 
 
 @vector
@@ -34,11 +35,11 @@ def dot(one: Float32Array, other: Float32Array | FloatArray) -> float:
 
 
 @vector
-def lengthen(moves: Moves, k: int, scratch: FloatArray) -> None:
-    """Follow the move ``k`` by the last one, a single step; ``scratch`` (2, 2P)."""
-    last, modes = len(moves.turn) - 1, moves.kept.shape[1]
-    F, push, mixed, kept = moves.turn[last], moves.push[k], moves.mixed[k], moves.kept[k]
-    step, fade = moves.push[last], moves.kept[last]
+def lengthen(moves: Moves, k: int, steps: Moves, last: int, scratch: FloatArray) -> None:
+    """Follow the move ``k`` by the step that begins at ``last``; ``scratch`` (2, 2P)."""
+    modes = moves.kept.shape[1]
+    F, push, mixed, kept = steps.turn[last], moves.push[k], moves.mixed[k], moves.kept[k]
+    step, fade = steps.push[last], steps.kept[last]
     a, b, c, d = F32(F[0, 0]), F32(F[0, 1]), F32(F[1, 0]), F32(F[1, 1])
     noise, turn = moves.noise[k], moves.turn[k]
     for r in range(2):
@@ -59,7 +60,7 @@ def lengthen(moves: Moves, k: int, scratch: FloatArray) -> None:
     noise[1, 0] = noise[0, 1]
     noise[1, 1] = w10 * F[1, 0] + w11 * F[1, 1] + 2.0 * q11 + dot(scratch[1], step[1])
     for r in range(2):
-        noise[r, r] += moves.noise[last, r, r]
+        noise[r, r] += steps.noise[last, r, r]
         x, y = turn[0, r], turn[1, r]
         turn[0, r], turn[1, r] = F[0, 0] * x + F[0, 1] * y, F[1, 0] * x + F[1, 1] * y
     for half in range(2):
@@ -73,6 +74,7 @@ def lengthen(moves: Moves, k: int, scratch: FloatArray) -> None:
             mixed[1, j] = fade[m] * (c * x + d * y + scratch[1, j])
     for m in range(modes):
         kept[m] *= fade[m]
+    moves.end[k] = last + 1
 
 
 @vector

@@ -16,6 +16,9 @@ same history of fixes share them: a row of :class:`~pareto_ltl.kernels.pilots.Be
 history first occurs, and used again when its last flight has measured anew. What happens between two fixes is
 the same for all of them: :class:`~pareto_ltl.kernels.pilots.Moves`. A fix changes Cov(θ̃) by a matrix of rank
 two, so a few rows describe it.
+
+For a search, histories may be ``shared``: flights with their last two fixes at the same steps have one row,
+that of the first of them. Their filters are then not optimal, but rows are few, and cost more than flights.
 """
 
 from __future__ import annotations
@@ -28,6 +31,7 @@ from pareto_ltl.kernels.moves import changes, dot, fade_theta, lengthen, move_be
 from pareto_ltl.kernels.pilots import (
     SHARES,
     Beliefs,
+    Moves,
     Navigator,
     begin_flights,
     command,
@@ -64,71 +68,74 @@ def _begin_navigator(pilot: Navigator) -> None:
         for q in range(start.shape[1]):
             own.cross[0, r, place_of_error(q, modes, half)] = F32(start[r, q])
             own.lagged[0, r, place_of_error(q, modes, half)] = F32(start[r, q])
-    forget_children(own, 0)
+    own.last[0] = 0
+    for group in range(len(own.asked)):
+        own.asked[group] = -1
     stay(pilot.moves, 0)
 
 
 @kernel
-def forget_children(own: Beliefs, row: int) -> None:
-    """No flight of ``row`` has measured at this step."""
-    for k in range(own.child.shape[1]):
-        for part in range(SHARES):
-            own.child[row, k, part] = -1
+def group_at(pilot: Navigator, t: int, row: int) -> int:
+    """The group of flights of ``row``, whose children are of step ``t`` afterwards.
+
+    A group are the flights of one row or, where histories are ``shared``, with the last fix at one step.
+    """
+    own = pilot.beliefs
+    group = own.last[row] if pilot.shared else row
+    if own.asked[group] != t:
+        own.asked[group] = t
+        for k in range(own.child.shape[1]):
+            for part in range(SHARES):
+                own.child[group, k, part] = -1
+    return int(group)
 
 
 @kernel
-def one_step(pilot: Navigator, dt: float, t: int) -> None:
-    """Let the last of the moves be the step from t - 1 to ``t``.
+def fill_step(pilot: Navigator, dt: float, t: int) -> None:
+    """Fill the move from step ``t`` - 1 to ``t``.
 
     Eq. (M25) of docs/mathematics.md.
     """
-    law, moves, k = pilot.law, pilot.moves, len(pilot.moves.turn) - 1
-    modes = moves.kept.shape[1]
+    law, steps, k = pilot.law, pilot.steps, t - 1
+    modes = steps.kept.shape[1]
     for r in range(2):
         for c in range(2):
-            moves.turn[k, r, c] = law.F[t - 1, r, c]
-            moves.noise[k, r, c] = dt * dt * law.white[t - 1, r] if r == c else 0.0
+            steps.turn[k, r, c] = law.F[k, r, c]
+            steps.noise[k, r, c] = dt * dt * law.white[k, r] if r == c else 0.0
         for j in range(2 * modes):
-            moves.push[k, r, j], moves.mixed[k, r, j] = F32(0.0), F32(0.0)
+            steps.push[k, r, j], steps.mixed[k, r, j] = F32(0.0), F32(0.0)
         for m in range(law.psi.shape[2]):
-            moves.push[k, r, r * modes + m] = F32(dt) * law.psi[t - 1, r, m]
+            steps.push[k, r, r * modes + m] = F32(dt) * law.psi[k, r, m]
         for q in range(law.push.shape[2]):
-            moves.push[k, r, place_of_error(q, law.psi.shape[2], modes)] = F32(dt * law.push[t - 1, r, q])
+            steps.push[k, r, place_of_error(q, law.psi.shape[2], modes)] = F32(dt * law.push[k, r, q])
     for m in range(modes):
-        moves.kept[k, m] = law.kept[t, m]
+        steps.kept[k, m] = law.kept[t, m]
+    steps.end[k] = t
 
 
 @kernel
 def carry_belief(pilot: Navigator, t: int, row: int) -> None:
     """Bring the covariances of ``row`` to step ``t``: in one move to t - 1, and the step from there.
 
-    Only rows whose flights measure are carried.
+    Only rows whose flights measure are carried, and only their moves are lengthened.
     """
-    own, moves = pilot.beliefs, pilot.moves
-    if own.step[row] == t:
+    own, moves, begin = pilot.beliefs, pilot.moves, pilot.beliefs.step[row]
+    if begin == t:
         return
-    for k in (own.step[row], len(moves.turn) - 1):
-        if k != t - 1:  # no move leads from there
-            move_belief(own, row, moves, k)
-            if changes(moves.kept[k]):
-                fade_theta(own.known[row], own.rank[row], moves.kept[k])
+    if begin != t - 1:
+        while moves.end[begin] < t - 1:
+            lengthen(moves, begin, pilot.steps, moves.end[begin], own.push)
+        move_by(own, row, moves, begin)
+    move_by(own, row, pilot.steps, t - 1)
     own.step[row] = t
-    forget_children(own, row)
 
 
 @kernel
-def lengthen_moves(pilot: Navigator, t: int) -> None:
-    """Let the moves from each step that rows are at lead to step ``t``."""
-    own, moves = pilot.beliefs, pilot.moves
-    for k in range(t):
-        moves.needed[k] = False
-    for row in range(own.used[0]):
-        if own.flights[row] > 0:
-            moves.needed[own.step[row]] = True
-    for k in range(t):
-        if moves.needed[k]:
-            lengthen(moves, k, own.push)
-    stay(moves, t)
+def move_by(own: Beliefs, row: int, moves: Moves, k: int) -> None:
+    """The covariances of ``row`` after the move ``k``."""
+    move_belief(own, row, moves, k)
+    if changes(moves.kept[k]):
+        fade_theta(own.known[row], own.rank[row], moves.kept[k])
 
 
 @vector
@@ -262,7 +269,8 @@ def last_inside(landmarks: Landmarks, k: int, begin: Point, end: Point) -> float
 def _observe_landmarks(pilot: Navigator, motion: Motion, t: int, x: FloatArray) -> None:
     own, marks = pilot.beliefs, pilot.landmarks
     if t > 0:
-        one_step(pilot, motion.dt, t)
+        fill_step(pilot, motion.dt, t)
+        stay(pilot.moves, t)
     free, fades = 0, t > 0 and changes(pilot.law.kept[t])
     for i in range(len(x)):
         if fades and pilot.fixed[i]:
@@ -278,21 +286,20 @@ def _observe_landmarks(pilot: Navigator, motion: Motion, t: int, x: FloatArray) 
             continue
         row, part = pilot.history[i], min(int(share * SHARES + 0.5), SHARES) if t > 0 else SHARES
         part = max(part, 1)
-        carry_belief(pilot, t, row)
-        target = own.child[row, mark, part - 1]
+        group = group_at(pilot, t, row)
+        target = own.child[group, mark, part - 1]
         if target < 0:
+            carry_belief(pilot, t, row)
             free = free_row(own, free)
             target = free
-            own.child[row, mark, part - 1] = target
+            own.child[group, mark, part - 1] = target
             learn_from_fix(own, row, target, part / SHARES, marks.cov[mark])
-            own.step[target] = t
+            own.step[target], own.last[target] = t, t + 1
             free += 1
         own.flights[row] -= 1
         own.flights[target] += 1
         pilot.history[i], pilot.fixed[i] = target, True
         take_fix(pilot, t, i, mark, (begin, here), share if t > 0 else 1.0)
-    if t > 0:
-        lengthen_moves(pilot, t)
 
 
 @kernel

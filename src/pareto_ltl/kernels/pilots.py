@@ -59,9 +59,9 @@ class Beliefs(NamedTuple):
     (N, 2, 2) the same a step ago, ``across`` (N, 2, 2) = Cov(ẽ_t, ẽ_{t-1}); ``cross`` (N, 2, 2P) =
     Cov(ẽ, θ̃), ``lagged`` (N, 2, 2P) = Cov(ẽ_{t-1}, θ̃). Cov(θ̃) = I - K'K, where K is the first ``rank``
     (N,) rows of ``known`` (N, 2P, 2P), zero left of its diagonal. ``gain`` (N, 2, 2) and ``learnt``
-    (N, 2, 2P) are the gains of the last fix; ``child`` (N, K, SHARES) is the row after a fix at this step,
-    -1 for none; ``flights`` (N,) counts the flights of a row, ``used`` (1,) the rows ever used. ``push``
-    (2, 2P) is scratch.
+    (N, 2, 2P) are the gains of the last fix, one step before ``last`` (N,), 0 for none. ``child``
+    (G, K, SHARES) is the row of a group after a fix at the step ``asked`` (G,), -1 for none. ``flights`` (N,)
+    counts the flights of a row, ``used`` (1,) the rows ever used. ``push`` (2, 2P) is scratch.
     """
 
     cov: FloatArray
@@ -78,14 +78,16 @@ class Beliefs(NamedTuple):
     used: IntArray
     push: FloatArray
     step: IntArray
+    last: IntArray
+    asked: IntArray
 
 
 class Moves(NamedTuple):
-    """The linear law over several steps: from each step t to the present one, and at last a single step.
+    """The linear law from each step t to the step ``end`` (T+1,).
 
-    e' = A e + G θ + n and θ' = R θ + ζ, with A in ``turn`` (T+2, 2, 2), G in ``push`` (T+2, 2, 2P) [m],
-    Cov(n) in ``noise`` (T+2, 2, 2) [m²], Cov(n, ζ) in ``mixed`` (T+2, 2, 2P) [m] and R in ``kept``
-    (T+2, P); Cov(ζ) = I - R². ``needed`` (T+2,) says from which steps beliefs are carried.
+    e' = A e + G θ + n and θ' = R θ + ζ, with A in ``turn`` (T+1, 2, 2), G in ``push`` (T+1, 2, 2P) [m],
+    Cov(n) in ``noise`` (T+1, 2, 2) [m²], Cov(n, ζ) in ``mixed`` (T+1, 2, 2P) [m] and R in ``kept``
+    (T+1, P); Cov(ζ) = I - R².
     """
 
     turn: FloatArray
@@ -93,7 +95,7 @@ class Moves(NamedTuple):
     noise: FloatArray
     mixed: Float32Array
     kept: Float32Array
-    needed: BoolArray
+    end: IntArray
 
 
 class Navigator(NamedTuple):
@@ -101,7 +103,9 @@ class Navigator(NamedTuple):
 
     ``root`` (K, 2, 2) is the lower root of the covariance of a fix [m], ``noise`` (T+1, n, 2) ~ N(0, 1).
     ``estimate`` (n, 4) = (ê_t, ê_{t-1}) [m], ``field`` (n, 2P) = θ̂, ``history`` (n,) the row of
-    ``beliefs``, ``fixed`` (n,) whether a fix was taken.
+    ``beliefs``, ``fixed`` (n,) whether a fix was taken. ``moves`` lead as far as rows have been carried,
+    ``steps`` one step each. Flights with their last two fixes at the same steps have one history if it is
+    ``shared``.
     """
 
     law: FilterLaw
@@ -114,6 +118,8 @@ class Navigator(NamedTuple):
     fixed: BoolArray
     beliefs: Beliefs
     moves: Moves
+    steps: Moves
+    shared: bool
 
 
 class ErringPilot(NamedTuple):

@@ -269,7 +269,7 @@ def pilot_maker(
     """The maker of the pilot: an autopilot, or a navigator that takes fixes along ``mean`` (T+1, 2) [m].
 
     Under the independent law the wind of one step does not predict the next: fixes measure positions only.
-    ``linear`` as in :func:`erring_pilot`.
+    ``linear`` as in :func:`erring_pilot`; histories of fixes are then shared (:class:`Navigator`).
     """
     held = np.zeros((len(u) + 1, 2)) if mean is None else np.ascontiguousarray(mean)
     planned, own = problem.laws["coherent"], problem.own_errors(law)
@@ -296,8 +296,8 @@ def pilot_maker(
         pilot = Navigator(
             about, marks, root, noise, np.empty((runs, 4)),
             np.empty((runs, 2 * rho.shape[1]), np.float32), np.empty(runs, np.int64), np.empty(runs, bool),
-            empty_beliefs(2 * runs + 1, len(root), rho.shape[1]),
-            empty_moves(len(held), rho.shape[1]),
+            empty_beliefs(2 * runs + 1, max(2 * runs + 1, len(held) + 1), len(root), rho.shape[1]),
+            empty_moves(len(held), rho.shape[1]), empty_moves(len(held), rho.shape[1]), linear,
         )  # fmt: skip
         return erring_pilot(pilot, u, own, errors, linear=linear)
 
@@ -311,24 +311,24 @@ def within_reach(marks: kd.Landmarks, flight: Flight) -> bool:
     return bool((gap <= marks.disc[:, 2] + reach).any())
 
 
-def empty_beliefs(rows: int, marks: int, modes: int) -> Beliefs:
-    """Memory for the covariances of ``rows`` histories of fixes at ``marks`` landmarks."""
+def empty_beliefs(rows: int, groups: int, marks: int, modes: int) -> Beliefs:
+    """Memory for the covariances of ``rows`` histories of fixes at ``marks`` landmarks, in ``groups``."""
     pair, both = (rows, 2, 2), 2 * modes
     return Beliefs(
         np.empty(pair), np.empty(pair), np.empty(pair), np.empty((rows, 2, both), np.float32),
         np.empty((rows, 2, both), np.float32), np.empty((rows, both, both)), np.zeros(rows, np.int64),
-        np.empty(pair), np.empty((rows, 2, both), np.float32), np.empty((rows, marks, SHARES), np.int64),
-        np.zeros(rows, np.int64), np.zeros(1, np.int64), np.empty((2, both)),
-        np.zeros(rows, np.int64),
+        np.empty(pair), np.empty((rows, 2, both), np.float32), np.empty((groups, marks, SHARES), np.int64),
+        np.zeros(rows, np.int64), np.zeros(1, np.int64), np.empty((2, both)), np.zeros(rows, np.int64),
+        np.zeros(rows, np.int64), np.empty(groups, np.int64),
     )  # fmt: skip
 
 
 def empty_moves(steps: int, modes: int) -> Moves:
-    """Memory for the moves from each of ``steps`` steps, and for a single step."""
-    pair, field = (steps + 1, 2, 2), (steps + 1, 2, 2 * modes)
+    """Memory for a move from each of ``steps`` steps."""
+    pair, field = (steps, 2, 2), (steps, 2, 2 * modes)
     return Moves(
         np.empty(pair), np.empty(field, np.float32), np.empty(pair), np.empty(field, np.float32),
-        np.empty((steps + 1, modes), np.float32), np.zeros(steps + 1, bool),
+        np.empty((steps, modes), np.float32), np.empty(steps, np.int64),
     )  # fmt: skip
 
 
