@@ -19,7 +19,7 @@ from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import evaluate_path, ordered_mission_risk, propagate
 from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.planning.records import Forest
-from pareto_ltl.planning.refine import smooth_paths
+from pareto_ltl.planning.smoothing import smooth_paths
 from pareto_ltl.settings import (
     MissionConfig,
     PlannerConfig,

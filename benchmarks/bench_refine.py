@@ -18,10 +18,10 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.extend import draw_flights
 from pareto_ltl.logic.mission import automaton_of
+from pareto_ltl.planning.convex.programme import programme, programme_for
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.planning.refine.effort import USUAL
-from pareto_ltl.planning.refine.programme import programme, programme_for
 from pareto_ltl.planning.refine.sampled import Refiner, resampled_means
 from pareto_ltl.planning.refine.starts import line_starts
 from pareto_ltl.settings import MissionConfig, PlannerConfig, RobotConfig, SceneConfig, WindConfig, preset

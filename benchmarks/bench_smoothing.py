@@ -16,10 +16,10 @@ from numpy.random import SeedSequence
 
 from large_maps import Waiting, many_discs, rough_disc
 from pareto_ltl.logic import translate
-from pareto_ltl.planning import growth, selection
+from pareto_ltl.planning import growth, selection, smoothing
+from pareto_ltl.planning.convex import programme
 from pareto_ltl.planning.evaluate import completes_mission
 from pareto_ltl.planning.pack import build_problem
-from pareto_ltl.planning.refine import programme, smoothing
 from pareto_ltl.planning.refine.starts import Start
 from pareto_ltl.planning.routes.obligations import possible_orders
 from pareto_ltl.planning.routes.taut_lines import taut_line

@@ -7,9 +7,9 @@ import numpy as np
 from pareto_ltl.kernels import descent as kernel
 from pareto_ltl.kernels.attraction import NEAREST
 from pareto_ltl.kernels.path import Flight
+from pareto_ltl.planning.convex.programme import Descent, path_limits, step_memory
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.programme import Descent, path_limits, step_memory
 from pareto_ltl.support.arrays import FloatArray
 from plane_logic.margin import Slope
 

@@ -21,8 +21,8 @@ from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.pack import pack_barriers
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.planning.refine import smooth_paths
 from pareto_ltl.planning.selection import tree_front
+from pareto_ltl.planning.smoothing import smooth_paths
 from pareto_ltl.settings import (
     FidelityConfig,
     PlannerConfig,

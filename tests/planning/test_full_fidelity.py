@@ -13,8 +13,8 @@ from pareto_ltl.kernels.data import World
 from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.records import objective_row
-from pareto_ltl.planning.refine import smooth_paths
 from pareto_ltl.planning.routes.obligations import possible_orders
+from pareto_ltl.planning.smoothing import smooth_paths
 from pareto_ltl.planning.tree_models import LEFT, tree_models
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SmoothingConfig
 from problems import box, make_problem, make_scene, smooth_wind

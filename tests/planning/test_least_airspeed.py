@@ -16,7 +16,6 @@ from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.planning.refine import smooth_paths
 from pareto_ltl.planning.refine.sampled import (
     Polish,
     Refiner,
@@ -24,6 +23,7 @@ from pareto_ltl.planning.refine.sampled import (
     steps_needed,
 )
 from pareto_ltl.planning.selection import tree_front
+from pareto_ltl.planning.smoothing import smooth_paths
 from pareto_ltl.planning.tree_models import tree_models
 from pareto_ltl.settings import FidelityConfig, PlannerConfig, RobotConfig, SmoothingConfig
 from pareto_ltl.settings.fidelity import preset

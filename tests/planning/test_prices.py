@@ -11,10 +11,11 @@ from numpy.random import SeedSequence
 
 from pareto_ltl.extend import draw_flights, simulate_flights
 from pareto_ltl.planning import prices
+from pareto_ltl.planning.convex import programme
 from pareto_ltl.planning.evaluate import completing_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch
-from pareto_ltl.planning.refine import Effort, programme, sampled_paths
+from pareto_ltl.planning.refine import Effort, sampled_paths
 from pareto_ltl.planning.refine.effort import Polish
 from pareto_ltl.planning.refine.sampled import Refiner
 from pareto_ltl.planning.refine.sweep import first_of

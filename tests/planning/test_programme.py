@@ -13,13 +13,14 @@ from numpy.random import SeedSequence
 from scipy.stats import norm
 
 from pareto_ltl.extend import draw_flights
+from pareto_ltl.planning.convex import programme
+from pareto_ltl.planning.convex.programme import Descent
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.planning.growth import grow_forest
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.prices import segment_limits
-from pareto_ltl.planning.refine import Effort, programme, sampled_paths
+from pareto_ltl.planning.refine import Effort, sampled_paths
 from pareto_ltl.planning.refine.effort import Polish
-from pareto_ltl.planning.refine.programme import Descent
 from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Refiner
 from pareto_ltl.planning.refine.starts import first_starts
 from pareto_ltl.planning.refine.sweep import first_of

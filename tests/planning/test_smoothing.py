@@ -15,11 +15,11 @@ from scipy.special import ndtr
 
 from oracle import path_risk as risk
 from pareto_ltl.logic import translate
-from pareto_ltl.planning import growth, selection, separation
+from pareto_ltl.planning import growth, selection, separation, smoothing
+from pareto_ltl.planning.convex import programme, statement
 from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, propagate
 from pareto_ltl.planning.pack import build_problem
 from pareto_ltl.planning.records import objective_row
-from pareto_ltl.planning.refine import programme, smoothing, statement
 from pareto_ltl.planning.routes.obligations import path_obligations
 from pareto_ltl.planning.routes.taut_lines import CAP, pull_taut, walk_line
 from pareto_ltl.planning.wind_lookup import interpolate, wind_and_gradient

@@ -9,9 +9,8 @@ import pytest
 import shapely
 
 from large_maps import MEGABYTE, SIDE, Waiting, many_discs, rough_disc
-from pareto_ltl.planning import separation
+from pareto_ltl.planning import separation, smoothing
 from pareto_ltl.planning.evaluate import completes_mission, evaluate_path, propagate
-from pareto_ltl.planning.refine import smoothing
 from pareto_ltl.planning.routes.obligations import path_obligations, possible_orders
 from pareto_ltl.planning.routes.taut_lines import taut_line, walk_line
 from pareto_ltl.settings import SmoothingConfig

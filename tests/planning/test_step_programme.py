@@ -14,10 +14,10 @@ from pareto_ltl.extend import draw_flights
 from pareto_ltl.kernels.chance import add_breach
 from pareto_ltl.kernels.descent import OVERLONG, RIDGE, Sample, Solves
 from pareto_ltl.kernels.path import Flight
+from pareto_ltl.planning.convex.programme import Descent
 from pareto_ltl.planning.evaluate import propagate, propagate_controls
 from pareto_ltl.planning.margin_model import margin_model
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.programme import Descent
 from pareto_ltl.planning.refine.sampled import ConstrainedRefiner, Refiner
 from pareto_ltl.planning.routes.taut_lines import CAP, FACE_MARGIN
 from pareto_ltl.planning.separation import chance_along

@@ -17,7 +17,7 @@ from pareto_ltl.planning import growth, selection
 from pareto_ltl.planning.evaluate import evaluate_path
 from pareto_ltl.planning.rates import WEIGHTED, FailureRate
 from pareto_ltl.planning.records import Objectives, PlannedPath
-from pareto_ltl.planning.refine import smooth_paths
+from pareto_ltl.planning.smoothing import smooth_paths
 from pareto_ltl.settings import PlannerConfig, RobotConfig, SelectionConfig, SmoothingConfig, preset
 from pareto_ltl.simulation import judging
 from pareto_ltl.simulation import promise as promises

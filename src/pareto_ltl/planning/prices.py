@@ -26,12 +26,12 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.kernels.descent import LEAST_VALUE
+from pareto_ltl.planning.convex.programme import Descent, Solution, programme_for
 from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.limits import Price, SegmentLimits
 from pareto_ltl.planning.margin_model import margin_model, margin_scratch, shown_letters
 from pareto_ltl.planning.problem import Problem, barrier_outlines, barrier_polygons, lines_of
 from pareto_ltl.planning.records import PlannedPath
-from pareto_ltl.planning.refine.programme import Descent, Solution, programme_for
 from pareto_ltl.planning.refine.sampled import deviations_from
 from pareto_ltl.planning.separation import barrier_names, keeps_epsilon
 from pareto_ltl.support.arrays import FloatArray, IntArray

@@ -16,7 +16,7 @@ from pareto_ltl.planning.evaluate import completing_path, evaluate_path
 from pareto_ltl.planning.plan_files import read_extra_paths
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import Forest, Front, PlannedPath
-from pareto_ltl.planning.refine import Effort, flown_lines, sampled_paths, smooth_paths
+from pareto_ltl.planning.refine import Effort, flown_lines, sampled_paths
 from pareto_ltl.planning.refine.sweep import first_of
 from pareto_ltl.planning.separation import (
     breach_text,
@@ -24,6 +24,7 @@ from pareto_ltl.planning.separation import (
     nearest_paths,
     within_limits,
 )
+from pareto_ltl.planning.smoothing import smooth_paths
 from pareto_ltl.settings import RefineConfig
 from pareto_ltl.simulation.common_flights import DrawnFlights, draw_mirrored, is_certain
 from pareto_ltl.simulation.judging import judge_front

@@ -296,7 +296,7 @@ def steer(
     InfeasibleError
         If no path leads there within the limits.
     """
-    from pareto_ltl.planning.refine.smoothing import steered_path
+    from pareto_ltl.planning.smoothing import steered_path
 
     run = planned_run(planned)
     settings, scene, problem = run.settings, run.scene, run.problem

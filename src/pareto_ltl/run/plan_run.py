@@ -146,9 +146,9 @@ class Run(BaseRun):
     @record(words="Preparing the search")
     def problem(self) -> Problem:
         """Map, wind, automaton and robot as the arrays that planning reads."""
+        from pareto_ltl.planning.convex.programme import import_early
         from pareto_ltl.planning.costs import costs_with
         from pareto_ltl.planning.pack import build_problem
-        from pareto_ltl.planning.refine import import_early
         from pareto_ltl.world.windows import missed_windows
 
         settings = self.settings

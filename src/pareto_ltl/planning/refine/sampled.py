@@ -23,6 +23,7 @@ from pareto_ltl.kernels.attraction import NEAREST, add_attraction
 from pareto_ltl.kernels.data import LandmarkLaw
 from pareto_ltl.kernels.pacing import fill_leg_times
 from pareto_ltl.kernels.path import Flight
+from pareto_ltl.planning.convex.programme import Descent, path_limits, programme_for, step_memory
 from pareto_ltl.planning.evaluate import (
     airspeed_limits,
     empty_flight,
@@ -33,7 +34,6 @@ from pareto_ltl.planning.evaluate import (
 from pareto_ltl.planning.margin_model import margin_scratch, model_of_order, nearest_order, ordered
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.refine.effort import Polish
-from pareto_ltl.planning.refine.programme import Descent, path_limits, programme_for, step_memory
 from pareto_ltl.planning.routes.path_classes import PathClass, path_class
 from pareto_ltl.planning.routes.taut_lines import CAP
 from pareto_ltl.planning.separation import chance_along, excess

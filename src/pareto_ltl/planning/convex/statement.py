@@ -1,4 +1,4 @@
-"""The convex programme of refinement as one statement in cvxpy.
+"""The convex programme of a step as one statement in cvxpy.
 
 :mod:`~.programme` fills in its parameters and solves it.
 """

@@ -1,4 +1,11 @@
-"""Convex smoothing: its starts, the iterations of bending, and the choice of results; and steering."""
+"""Convex smoothing, ``fidelity.refine=convex``, and steering.
+
+Smoothing has three operations. *Pull* (``planning.routes``) draws a taut line through the points where a tree
+path visits its regions, around the corners of obstacles. *Walk* divides a line into as few steps as the wind
+allows, since every step adds covariance. *Bend* (``planning.convex``) solves one convex programme about the
+last iterate, propagates exactly, and repeats. ``planning.evaluate.evaluate_path`` checks every result like
+any other path.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +19,10 @@ from typing import TypeAlias
 import numpy as np
 
 from pareto_ltl.kernels.descent import SLOWEST
+from pareto_ltl.planning.convex.programme import Programme, programme
 from pareto_ltl.planning.evaluate import completing_path, evaluate_path, propagate
 from pareto_ltl.planning.problem import Problem
 from pareto_ltl.planning.records import PlannedPath, objective_row
-from pareto_ltl.planning.refine.programme import Programme, programme
 from pareto_ltl.planning.refine.starts import Start, first_starts, paced_line
 from pareto_ltl.planning.routes.obligations import MissionOrder, completes, mission_order, path_obligations
 from pareto_ltl.planning.routes.search_map import search_map

@@ -1,4 +1,4 @@
-"""The convex programme of refinement, stated once a run (:mod:`~.statement`) and solved often by Clarabel.
+"""The convex programme of a step, stated once a run (:mod:`~.statement`) and solved often by Clarabel.
 
 ``fidelity.refine=convex`` and ``sampled`` differ in the objective alone: the length and the bounds on the
 risk, or a quadratic model of the failure rate. In the sweeps of ``sampled`` the latter is solved without
@@ -21,9 +21,9 @@ import numpy as np
 
 from pareto_ltl.kernels.descent import RIDGE, SLOWEST, Limits
 from pareto_ltl.kernels.path import Flight
+from pareto_ltl.planning.convex.statement import LineLimit, Shape, Statement, state
 from pareto_ltl.planning.evaluate import airspeed_limits, propagate
 from pareto_ltl.planning.problem import Problem
-from pareto_ltl.planning.refine.statement import LineLimit, Shape, Statement, state
 from pareto_ltl.planning.routes.obligations import face_deviations, path_obligations
 from pareto_ltl.planning.routes.search_map import search_map
 from pareto_ltl.planning.routes.taut_lines import CAP, FACE_MARGIN
