@@ -18,7 +18,7 @@ the same for all of them: :class:`~pareto_ltl.kernels.pilots.Moves`. A fix chang
 two, so a few rows describe it.
 
 For a search, histories may be ``shared``: flights with their last two fixes at the same steps have one row,
-that of the first of them. Their filters are then not optimal, but rows are few, and cost more than flights.
+which the first of them makes. Their filters are not optimal, but rows are few, and cost more than flights.
 """
 
 from __future__ import annotations
