@@ -15,6 +15,7 @@ class Polish:
     ``widths`` τ [m] in turn, ``inner`` solves for each of them, the first ``trust`` region [full steps], and
     the penalty ``stiff`` of a standard deviation that a segment lacks of its chance constraint [failures].
     A segment that exceeds epsilon by the share ``half`` counts afterwards like one flight in two that fails.
+    From ``far``, a path may be far from where it ends: its first widths are never narrower.
     """
 
     widths: tuple[float, ...]
@@ -22,6 +23,7 @@ class Polish:
     trust: float = 0.5
     stiff: float = 2.0  # with 10, paths did not find the way to other classes
     half: float = 1.0
+    far: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +44,14 @@ class Effort:
     sweep_share: float = 0.75  # of a time budget, after which only the last polish is left
 
     # --- polishes, widths in map sizes: a wide τ moves a path far, a narrow one counts failures exactly ---
-    first: Polish = Polish((0.020, 0.007), 4)  # of a start
+    spread: float = (
+        0.008  # standard deviation of flights [map sizes] below which widths are narrower, like it
+    )
+    narrowest: float = 0.02  # share of the usual widths, at least
+    fall: float = 4.0  # ratio of the additional widths of a polish from afar
+    first: Polish = Polish((0.020, 0.007), 4, far=True)  # of a start
     sweep: Polish = Polish((0.008, 0.004), 3)  # at a length cap, from a path polished before
-    wide: Polish = Polish((0.020, 0.008, 0.004), 3)  # of a path that may have to change its form
+    wide: Polish = Polish((0.020, 0.008, 0.004), 3, far=True)  # of a path that may have to change its form
     last: Polish = Polish((0.003, 0.002), 4, stiff=20.0, half=0.1)  # of a point of the front
     finest: Polish = Polish((0.002,), 4, stiff=20.0, half=0.1)
     closing: Polish = Polish((0.002,), 1, trust=0.1)  # within the chance constraints, by a general solver
@@ -72,7 +79,10 @@ class Effort:
 
     # --- sweep of the length cap ---
     spacing: float = 1.03  # ratio of neighbouring caps
-    last_spacing: float = 1.03  # largest ratio of the shortest cap that paths satisfy to the next
+    last_spacing: float = (
+        1.03  # largest ratio of the shortest cap that paths satisfy to the next, at usual widths
+    )
+    least_share: float = 0.2  # of the usual widths, below which that ratio is not nearer to 1
     longer: float = 1.08  # ratio of the caps beyond the longest that pays
     within: float = 1.002  # a path may exceed its cap by this factor: polishes meet caps by a penalty
     shorten: float = 1.3  # paths up to this many times as long as the cap are shortened to it
@@ -105,6 +115,11 @@ class Effort:
         """The effort that section ``refine`` asks for."""
         effort = cls(cfg.flights, cfg.sweep_flights, cfg.classes, cfg.points)
         return replace(effort, **COARSE) if cfg == cfg.coarse() else effort
+
+    @property
+    def least(self) -> float:
+        """The failure rate below which the flights do not distinguish paths."""
+        return self.unseen / self.all_flights
 
     @property
     def all_flights(self) -> int:
