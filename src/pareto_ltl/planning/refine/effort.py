@@ -127,7 +127,7 @@ class Effort:
         return self.more_flights * self.flights
 
 
-COARSE: dict[str, Any] = {  # of a first impression, a quarter of the CPU time of the usual effort
+COARSE: dict[str, Any] = {  # of a first impression, half of the CPU time and less
     "scouts": 1, "looked_lines": 6, "looked_longest": 2, "flipped": 1, "led": 2,
     "spacing": 1.06, "economic": 3,
 }  # fmt: skip
