@@ -44,10 +44,8 @@ class Effort:
     sweep_share: float = 0.75  # of a time budget, after which only the last polish is left
 
     # --- polishes, widths in map sizes: a wide τ moves a path far, a narrow one counts failures exactly ---
-    spread: float = (
-        0.008  # standard deviation of flights [map sizes] below which widths are narrower, like it
-    )
-    narrowest: float = 0.02  # share of the usual widths, at least
+    spread: float = 0.004  # deviation of flights [map sizes] below which widths are narrower
+    narrowest: float = 0.2  # share of the usual widths, at least
     fall: float = 4.0  # ratio of the additional widths of a polish from afar
     first: Polish = Polish((0.020, 0.007), 4, far=True)  # of a start
     sweep: Polish = Polish((0.008, 0.004), 3)  # at a length cap, from a path polished before
@@ -79,10 +77,7 @@ class Effort:
 
     # --- sweep of the length cap ---
     spacing: float = 1.03  # ratio of neighbouring caps
-    last_spacing: float = (
-        1.03  # largest ratio of the shortest cap that paths satisfy to the next, at usual widths
-    )
-    least_share: float = 0.2  # of the usual widths, below which that ratio is not nearer to 1
+    last_spacing: float = 1.03  # largest ratio of the shortest cap that paths satisfy to the next
     longer: float = 1.08  # ratio of the caps beyond the longest that pays
     within: float = 1.002  # a path may exceed its cap by this factor: polishes meet caps by a penalty
     shorten: float = 1.3  # paths up to this many times as long as the cap are shortened to it

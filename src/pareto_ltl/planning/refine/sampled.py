@@ -111,7 +111,7 @@ class Candidate:
 class Refiner:
     """What all polishes of one problem share.
 
-    Paths none of whose flights come near a limit are not solved for, unless ``SOLVES_ALL``.
+    Paths short enough, none of whose flights come near a limit, are not solved for, unless ``SOLVES_ALL``.
     """
 
     SOLVES_ALL: ClassVar[bool] = False
@@ -232,7 +232,7 @@ class Refiner:
         off = near.deviations(flight)
         here, margins = self.slope(flight.x, off, width, runs)
         rows = np.flatnonzero(margins < COUNTED * width + solves.trust * self.problem.reach)
-        if len(rows) == 0 and not self.SOLVES_ALL:
+        if len(rows) == 0 and not self.SOLVES_ALL and length_of(flight.x) <= solves.longest:
             return flight, near
         if len(rows) == 0:
             rows = np.array([margins.argmin()])
