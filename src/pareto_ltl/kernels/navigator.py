@@ -78,11 +78,10 @@ def _begin_navigator(pilot: Navigator) -> None:
 def group_at(pilot: Navigator, t: int, row: int) -> int:
     """The group of flights of ``row``, whose children are of step ``t`` afterwards.
 
-    A group are the flights of one row or, where histories are ``shared``, with the last fix at one step, and
-    as many fixes, up to three. A fix raises the rank by two.
+    A group are the flights of one row or, where histories are ``shared``, with the last fix at one step.
     """
     own = pilot.beliefs
-    group = 4 * own.last[row] + min(own.rank[row] // 2, 3) if pilot.shared else row
+    group = own.last[row] if pilot.shared else row
     if own.asked[group] != t:
         own.asked[group] = t
         for k in range(own.child.shape[1]):
