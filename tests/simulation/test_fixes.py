@@ -13,7 +13,7 @@ from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
 from levels import AT_NIGHT
 from oracle.navigator import filtered
 from pareto_ltl.extend import simulate_flights
-from pareto_ltl.kernels import moves
+from pareto_ltl.kernels import navigator
 from pareto_ltl.kernels.pilots import Autopilot, Navigator
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.simulation import flights as deployment
@@ -44,15 +44,9 @@ def flown(problem, path, runs, seed=3, steps=None):
 
 def carry_all(pilot, t):
     """Bring the covariances of all flights to step ``t``, the last: a flight needs them at its fixes only."""
-    own, made = pilot.beliefs, pilot.moves
     for row in set(pilot.history.tolist()):
-        if own.step[row] < t:
-            k = own.step[row]
-            while made.end[k] < t:
-                moves.lengthen(made, k, pilot.steps, made.end[k], own.push)
-            moves.move_belief(own, row, made, k)
-            if moves.changes(made.kept[k]):
-                moves.fade_theta(own.known[row], own.rank[row], made.kept[k])
+        if pilot.beliefs.step[row] < t:
+            navigator.move_to(pilot, t, row)
 
 
 @pytest.mark.statistical

@@ -119,15 +119,23 @@ def carry_belief(pilot: Navigator, t: int, row: int) -> None:
 
     Only rows whose flights measure are carried, and only their moves are lengthened.
     """
+    own = pilot.beliefs
+    if own.step[row] == t:
+        return
+    move_to(pilot, t - 1, row)
+    move_by(own, row, pilot.steps, t - 1)
+    own.step[row] = t
+
+
+@kernel
+def move_to(pilot: Navigator, t: int, row: int) -> None:
+    """The covariances of ``row`` at step ``t``, in one move, which is lengthened as far."""
     own, moves, begin = pilot.beliefs, pilot.moves, pilot.beliefs.step[row]
     if begin == t:
         return
-    if begin != t - 1:
-        while moves.end[begin] < t - 1:
-            lengthen(moves, begin, pilot.steps, moves.end[begin], own.push)
-        move_by(own, row, moves, begin)
-    move_by(own, row, pilot.steps, t - 1)
-    own.step[row] = t
+    while moves.end[begin] < t:
+        lengthen(moves, begin, pilot.steps, moves.end[begin], own.push)
+    move_by(own, row, moves, begin)
 
 
 @kernel
