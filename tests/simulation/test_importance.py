@@ -361,6 +361,16 @@ def test_intervals_hold_the_rate_as_often_as_they_say():
         assert (ends[:, 1] - ends[:, 0]).mean() < norm.sf(3.0) * (3.0 if draws == 40 else 0.5)
 
 
+@settings(deadline=None, max_examples=30)
+@given(st.integers(-900, 0))
+def test_intervals_of_very_small_weights_scale(power):
+    """Squares of weights below 1e-154 are 0."""
+    weights = np.random.default_rng(0).uniform(0.0, 1.0, 200) * (np.arange(200) % 3 == 0)
+    ends = importance.weighted_interval(weights, 0.1)
+    scaled = importance.weighted_interval(weights * 2.0**power, 0.1)
+    assert scaled == (ends[0] * 2.0**power, ends[1] * 2.0**power)
+
+
 def test_an_interval_without_failures_is_that_of_the_plain_flights_among_the_draws():
     low, high = importance.weighted_interval(np.zeros(1000), 0.1)
     assert low == 0.0
@@ -391,6 +401,30 @@ def test_the_same_seed_gives_the_same_rate_whatever_the_threads(monkeypatch):
         monkeypatch.setenv("OMP_NUM_THREADS", count)
         assert importance.weighted_rate(problem, path, 900, seed) == first
     assert importance.weighted_rate(problem, path, 900, SeedSequence(9)) != first
+
+
+@pytest.mark.parametrize("u_min", [0.0, 6.0])
+def test_tailwinds_are_looked_for_if_the_robot_cannot_brake(monkeypatch, u_min):
+    """After a leg with a tailwind it is too far ahead, and turns too late: without a pilot that shows it."""
+    corners = ((2.0, 3.0), (14.5, 3.0), (15.5, 16.0))
+    scene = replace(make_scene({"a": MAP["a"]}, [box(17, 0, 20, 9)], start=corners[0]), border="open")
+    robot = RobotConfig(dt=100.0, u_max=40.0, u_min=u_min, start_sd=50.0, feedback_time=300.0)
+    wind = smooth_wind(scene, sd=1.3, gust=0.1)
+    problem = make_problem("F a", scene, wind, robot, LOOSE, fidelity=replace(preset("full"), border="open"))
+    path = evaluate_path(problem, along(*corners, step=0.8), "by hand")
+    plan = failure_modes.flown_plan(problem, path)
+    monkeypatch.setattr(failure_modes, "_first_failures", lambda plan: np.empty((0, *plan.mean.shape)))
+    modes = failure_modes.find_failure_modes(plan)
+    assert 3.5 < modes.threshold[0] < 4.8 if u_min else modes.threshold[0] > 7.0  # a headwind
+
+
+@pytest.mark.statistical
+def test_few_flights_have_a_promise_of_enough_weighted_ones():
+    """With 20 weighted flights under a law with tails, 6 % of the intervals end below a tenth of the rate."""
+    problem, path = straight(4.0)
+    rate = fresh_rate(problem, path, 20, SeedSequence(4))
+    assert (rate.runs, rate.method) == (importance.LEAST_DRAWS, WEIGHTED)
+    assert rate.low / 2 < norm.sf(4.0) < 2 * rate.high
 
 
 # --- where there is nothing to sample by ----------------------------------------------------------

@@ -10,7 +10,7 @@ themselves decide how far away failures begin.
    lies on the wrong side of a line. Its normal is a linear form of the deviations, and gives ω. A robot whose
    airspeed does not suffice deviates as one with less feedback, so the form is also taken of the deviations
    with half and with none of the feedback. Headwinds over some steps in a row are looked for as well: pilots
-   whose draws are all enlarged alike seldom have them.
+   whose draws are all enlarged alike seldom have them. So are tailwinds if there is a least airspeed.
 3. Along each ω flights z = ω r are flown, and τ is the first r at which they fail.
 4. Of half-spaces that are nearly parallel, the most likely one is retained.
 
@@ -168,7 +168,10 @@ def find_failure_modes(plan: FlownPlan) -> FailureModes:
     feedback = FEEDBACK if plan.problem.motion.gain > 0.0 else (1.0,)
     forms = less_held_forms(plan, _event_normals(plan, _first_failures(plan)), feedback)
     if plan.problem.motion.gain > 0.0:
-        forms = np.concatenate([forms, less_held_forms(plan, headwinds(plan.path.u), (0.0,))])
+        along = headwinds(plan.path.u)
+        if plan.problem.motion.u_min > 0.0:
+            along = np.concatenate([along, -along])
+        forms = np.concatenate([forms, less_held_forms(plan, along, (0.0,))])
     omega = _joined(directions_of(plan.linear, forms))
     sd = np.linalg.norm(omega, axis=1)
     varies = sd > 0.0

@@ -103,18 +103,18 @@ def fresh_promise(
 
 
 def fresh_rate(problem: Problem, path: PlannedPath, runs: int, seed: SeedSequence) -> FailureRate:
-    """The rate of ``runs`` fresh flights; below ``RARE``, the rate of as many weighted ones.
+    """The rate of ``runs`` fresh flights; below ``RARE``, the rate of as many weighted ones, at least 1,000.
 
     The count is used if there are no weighted flights, if its interval is narrower, and if it contradicts
     them: the weighted estimate then misses a failure mode.
     """
-    from pareto_ltl.simulation.importance import weighted_rate
+    from pareto_ltl.simulation.importance import LEAST_DRAWS, weighted_rate
 
     counted = FailureRate.counted(problem.fidelity.law, count_failures(problem, path, runs, seed), runs)
     if counted.failure >= RARE:
         return counted
     others = SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, WEIGHTED_CHILD))
-    weighted = weighted_rate(problem, path, runs, others)
+    weighted = weighted_rate(problem, path, max(runs, LEAST_DRAWS), others)
     if weighted is None or weighted.high - weighted.low >= counted.high - counted.low:
         return counted
     if count_agrees(counted, weighted):

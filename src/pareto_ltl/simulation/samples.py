@@ -17,7 +17,13 @@ from pareto_ltl.planning.rates import WEIGHTED, FailureRate
 from pareto_ltl.planning.records import PlannedPath
 from pareto_ltl.simulation import flights as sim
 from pareto_ltl.simulation.failure_modes import FlightEvent
-from pareto_ltl.simulation.importance import least_share, make_proposal, weighted_flights, weighted_interval
+from pareto_ltl.simulation.importance import (
+    LEAST_DRAWS,
+    least_share,
+    make_proposal,
+    weighted_flights,
+    weighted_interval,
+)
 from pareto_ltl.support.arrays import BoolArray, FloatArray
 from pareto_ltl.support.seeds import unspawned
 
@@ -63,7 +69,7 @@ def plain_sample(problem: Problem, path: PlannedPath, runs: int, seed: SeedSeque
 def weighted_samples(
     problem: Problem, path: PlannedPath, event: FlightEvent, runs: int, seed: SeedSequence, samples: int = 1
 ) -> list[FlightSample]:
-    """``samples`` independent samples of ``runs`` flights for which ``event`` is not rare.
+    """``samples`` independent samples of ``runs`` flights, at least 1,000, for which ``event`` is not rare.
 
     An empty list if there is no proposal, as in :func:`~pareto_ltl.simulation.importance.weighted_rate`: for
     a plan that counts on position fixes, for an event that happens to the plan itself, and for one without a
@@ -73,9 +79,9 @@ def weighted_samples(
     proposal = None if problem.landmarks else make_proposal(problem, path, event=event)
     if proposal is None:
         return []
-    made = []
+    made, draws = list[FlightSample](), max(runs, LEAST_DRAWS)
     for child in unspawned(seed).spawn(samples):
-        x = np.empty((runs, *path.x.shape))
-        weight = weighted_flights(proposal, runs, child, x)[0]
+        x = np.empty((draws, *path.x.shape))
+        weight = weighted_flights(proposal, draws, child, x)[0]
         made.append(FlightSample(problem.fidelity.law, x, weight, least_share(problem, proposal.ladder)))
     return made

@@ -25,6 +25,7 @@ MISSED = 1.25  # times the upper end of a promise: weighted flights of both road
 LEAST_RATE = 1e-6  # promises below it are not distinguished: a few flights in a million decide on both roads
 MAX_FLIGHTS = 200_000  # new flights of a rare promise at most
 DOUBT = 1e-3  # significance level: probability that the flights reject a claim that is true
+LEAST_WEIGHTED = 1000  # weighted flights, however few the plain ones
 WEIGHTED_BELOW = 1e-3  # share of failed flights below which flights are weighted
 RATE = {
     "failure": "failure",
@@ -65,16 +66,17 @@ def promise(result: Evidence) -> Verdict | None:
 
 
 def _rate_faults(result: Evidence, stated: dict[str, Any]) -> Iterator[str]:
-    wanted = (result.planned_law, result.settings["selection"]["runs"])
+    runs = result.settings["selection"]["runs"]
+    wanted = (result.planned_law, max(runs, LEAST_WEIGHTED) if stated["method"] == WEIGHTED else runs)
     if (stated["law"], stated["runs"]) != wanted or stated["method"] not in CHANCES:
         yield f"{stated['runs']} {stated['method']} in {stated['law']} winds"
         return
     if stated["method"] == WEIGHTED:  # the weights are not stored
         if not 0.0 <= stated["low"] <= stated["failure"] <= stated["high"] <= 1.0:
             yield f"the interval is {stated['low']:.4g} to {stated['high']:.4g}"
-        limit = math.ceil(WEIGHTED_BELOW * stated["runs"]) - 1
-        if binom.cdf(limit, stated["runs"], stated["low"]) < RARE:
-            share = f"{limit} of {stated['runs']} flights fail at {stated['low']:.4g}"
+        limit = math.ceil(WEIGHTED_BELOW * runs) - 1
+        if binom.cdf(limit, runs, stated["low"]) < RARE:
+            share = f"{limit} of {runs} flights fail at {stated['low']:.4g}"
             yield f"more than {share}: no case for weights"
         return
     ends = flights.rate_of(_count(stated), stated["runs"])
