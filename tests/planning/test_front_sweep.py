@@ -478,6 +478,38 @@ def test_without_a_budget_nothing_is_varied(grown):
     assert list(front_sweep.improved_fronts(sweep, front_within(grown, CountedBudget(5)))) == []
 
 
+def test_widths_are_narrower_where_flights_spread_little(grown):
+    problem, _ = grown
+    flights = draw_flights(problem, problem.fidelity.law, 20, SeedSequence(5))
+    usual = front_sweep.new_sweep(EFFORT, problem, first_of(flights))
+    narrow = replace(usual, spread=0.3 * EFFORT.spread * usual.map_size)
+    for how in (EFFORT.first, EFFORT.sweep, EFFORT.wide, EFFORT.last, EFFORT.closing):
+        wide, fine = usual.polish_of(how).widths, narrow.polish_of(how).widths
+        np.testing.assert_allclose(wide, np.array(how.widths) * usual.map_size)
+        assert fine[-1] == pytest.approx(0.3 * wide[-1])
+        if how.far:  # it begins as usual, and narrows in small ratios
+            assert fine[: len(wide)] == wide
+            assert max(a / b for a, b in pairwise(fine[len(wide) - 1 :])) <= EFFORT.fall * (1.0 + 1e-9)
+    still = replace(usual, spread=0.0)
+    assert still.share == EFFORT.narrowest
+
+
+def test_a_path_is_no_longer_than_flights_that_spread_little_need():
+    """With widths for flights that spread more, every path seems to fail, and is lengthened."""
+    problem = task()
+    wind = smooth_wind(problem.scene, speed=1.5, sd=0.005, gust=0.01)
+    robot = RobotConfig(dt=100.0, u_max=12.0, start_sd=1.0)
+    problem = make_problem("F(a & F b)", problem.scene, wind, robot, PLANNER, fidelity=problem.fidelity)
+    forest, shortest = grow_forest(PLANNER, problem, SeedSequence(3)), []
+    flights = draw_flights(problem, "coherent", REFINE.flights, SeedSequence(5))
+    fresh = draw_flights(problem, "coherent", FRESH, SeedSequence(6))
+    for effort in (EFFORT, replace(EFFORT, spread=1e-9)):
+        paths = sampled_paths(effort, problem, forest, first_of(flights))
+        safe = [path for path in paths if fresh.failed(fresh.flown(path.u, path.x)).mean() < 0.001]
+        shortest.append(min(path.objectives.length for path in safe))
+    assert shortest[0] < 0.99 * shortest[1]
+
+
 def test_progress_tells_how_many_paths_there_are_and_how_the_safest_fails(grown):
     problem, forest = grown
     told = []

@@ -78,10 +78,11 @@ def _begin_navigator(pilot: Navigator) -> None:
 def group_at(pilot: Navigator, t: int, row: int) -> int:
     """The group of flights of ``row``, whose children are of step ``t`` afterwards.
 
-    A group are the flights of one row or, where histories are ``shared``, with the last fix at one step.
+    A group are the flights of one row or, where histories are ``shared``, with the last fix at one step, and
+    as many fixes, up to three. A fix raises the rank by two.
     """
     own = pilot.beliefs
-    group = own.last[row] if pilot.shared else row
+    group = 4 * own.last[row] + min(own.rank[row] // 2, 3) if pilot.shared else row
     if own.asked[group] != t:
         own.asked[group] = t
         for k in range(own.child.shape[1]):

@@ -296,7 +296,7 @@ def pilot_maker(
         pilot = Navigator(
             about, marks, root, noise, np.empty((runs, 4)),
             np.empty((runs, 2 * rho.shape[1]), np.float32), np.empty(runs, np.int64), np.empty(runs, bool),
-            empty_beliefs(2 * runs + 1, max(2 * runs + 1, len(held) + 1), len(root), rho.shape[1]),
+            empty_beliefs(2 * runs + 1, max(2 * runs + 1, 4 * (len(held) + 1)), len(root), rho.shape[1]),
             empty_moves(len(held), rho.shape[1]), empty_moves(len(held), rho.shape[1]), linear,
         )  # fmt: skip
         return erring_pilot(pilot, u, own, errors, linear=linear)

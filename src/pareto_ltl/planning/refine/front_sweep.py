@@ -27,6 +27,7 @@ steps.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -38,6 +39,7 @@ import numpy as np
 from careful_io.machine import on_all_cores
 from careful_io.texts import distance_text
 from pareto_ltl.kernels import data as kd
+from pareto_ltl.planning.evaluate import propagate
 from pareto_ltl.planning.problem import Problem, with_merged_steps
 from pareto_ltl.planning.records import Forest, PlannedPath
 from pareto_ltl.planning.refine import last_polish
@@ -74,12 +76,14 @@ def sampled_paths(
         found = pool.submit(first_starts, problem, forest, effort)
         sweep = new_sweep(effort, problem, draw, budget, progress)
         starts = found.result()
+    sweep = replace(sweep, spread=typical_spread(problem, starts.values()))
     times = steps_to_merge(effort, problem, starts.values())
     if times > 1:
         merged = with_merged_steps(problem, times)
         runs = starts_in_merged_steps(effort, problem, merged, forest, times)
         if runs:  # else the wind ends too soon
             long = new_sweep(effort, merged, lambda n: draw(n).merged(merged, times), budget, progress)
+            long = replace(long, spread=sweep.spread)
             ended = on_all_cores(partial(in_all_steps, sweep, times), _searches(long, runs))
             return _paths_of(sweep, ended, partial(slower_runs, sweep, times))
     return _paths_of(sweep, _searches(sweep, starts), partial(last_polish.repaired, sweep))
@@ -154,6 +158,7 @@ def finished(sweep: Sweep, known: Sequence[Candidate]) -> list[Candidate]:
     """
     sweep = replace(sweep, hope=sweep.hope_of(known))
     front = front_of(filter(sweep.hope.holds, known)) or front_of(known)[:1]
+    front = front[: 1 + sum(k.smoothed >= sweep.effort.least for k in front)]  # longer ones fail no less
     for better in improved_fronts(sweep, front):
         front = better
         _report(sweep, 0, front)
@@ -236,6 +241,15 @@ def steps_to_merge(effort: Effort, problem: Problem, starts: Iterable[Start]) ->
     )
     width = min([narrowest_place(problem.scene).width, *marks])
     return max(1, min(round(fewest / effort.legs), int(SHARE_OF_PLACE * width / problem.reach)))
+
+
+def typical_spread(problem: Problem, starts: Iterable[Start]) -> float:
+    """Standard deviation [m] in one direction of flights along the first start: the median over its steps."""
+    start = next(iter(starts), None)
+    if start is None:
+        return math.inf
+    cov = propagate(problem, start.x).cov
+    return math.sqrt(0.5 * float(np.median(cov[:, 0] + cov[:, 2])))
 
 
 def starts_in_merged_steps(

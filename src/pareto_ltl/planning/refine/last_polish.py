@@ -66,13 +66,15 @@ def divided_gaps(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
     It is polished from the shorter one, too, if that is of another class.
 
     The width of a gap is what a point in it can add to the hypervolume: the product of the differences of
-    its ends in the logarithms of length and of failure. In each round the widest gaps are divided.
+    its ends in the logarithms of length and of failure, as far as flights distinguish it. In each round the
+    widest gaps are divided.
     """
     effort, front, tried = sweep.effort, list(found), set[tuple[float, float]]()
 
     def width(gap: tuple[Candidate, Candidate]) -> float:
         below, above = gap
-        return math.log(above.length / below.length) * math.log(below.smoothed / above.smoothed)
+        failures = [max(k.smoothed, effort.least) for k in gap]
+        return math.log(above.length / below.length) * math.log(failures[0] / failures[1])
 
     def one(gap: tuple[Candidate, Candidate]) -> Candidate:
         below, above = gap
@@ -84,7 +86,9 @@ def divided_gaps(sweep: Sweep, found: Sequence[Candidate]) -> list[Candidate]:
 
     left = effort.points - _evenly(sweep)
     for first in range(0, left, effort.gaps):
-        new = (gap for gap in pairwise(front) if (gap[0].length, gap[1].length) not in tried)
+        new = (
+            gap for gap in pairwise(front) if width(gap) > 0.0 and (gap[0].length, gap[1].length) not in tried
+        )
         widest = sorted(new, key=width, reverse=True)[: min(effort.gaps, left - first)]
         tried |= {(below.length, above.length) for below, above in widest}
         front = front_of([*front, *on_all_cores(one, widest)])

@@ -128,7 +128,7 @@ def swept_down(sweep: Sweep, seen: Sequence[Candidate]) -> list[list[Candidate]]
         lines = [line for k in begun for line in timed_lines(sweep, k, spare, slower=k is begun[0])]
         held = sweep.best_of_classes(sweep.held_within(lines, effort.sweep, cap))
         levels.append(held)
-        if beam and not held and spacing > effort.last_spacing:
+        if beam and not held and spacing > effort.last_spacing**sweep.share:
             cap, spacing = cap * spacing, math.sqrt(spacing)
         else:
             beam = held

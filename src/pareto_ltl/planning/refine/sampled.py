@@ -44,6 +44,7 @@ from plane_logic.margin_events import MarginModel
 EXCESS = 10.0  # penalty per relative excess of a segment over epsilon
 MENDED = 0.1  # share of ``Polish.half`` that the last solve mends
 COUNTED = 8.0  # widths: a flight with a larger margin counts for less than 3e-4
+NEAR = 60.0  # widths that a first solve may move a path by
 FINER = 8  # parts of a leg in which letters are looked for that no step reads
 ALL = 0.9  # if more than this share of the flights counts, all are retained: copying winds takes longer
 
@@ -110,7 +111,7 @@ class Candidate:
 class Refiner:
     """What all polishes of one problem share.
 
-    Paths none of whose flights come near a limit are not solved for, unless ``SOLVES_ALL``.
+    Paths short enough, none of whose flights come near a limit, are not solved for, unless ``SOLVES_ALL``.
     """
 
     SOLVES_ALL: ClassVar[bool] = False
@@ -184,7 +185,8 @@ class Refiner:
         flight, near, runs = self.flown(x), flights, len(flights)
         chance = chance_along(self.problem, flight, how.stiff)
         for width in how.widths:
-            solves = kd.Solves(how.inner, how.trust, longest, chance)
+            trust = min(how.trust, NEAR * width / self.problem.reach)
+            solves = kd.Solves(how.inner, trust, longest, chance)
             flight, near = self._at_width(flight, near, runs, width, solves)
         return flight
 
@@ -230,7 +232,7 @@ class Refiner:
         off = near.deviations(flight)
         here, margins = self.slope(flight.x, off, width, runs)
         rows = np.flatnonzero(margins < COUNTED * width + solves.trust * self.problem.reach)
-        if len(rows) == 0 and not self.SOLVES_ALL:
+        if len(rows) == 0 and not self.SOLVES_ALL and length_of(flight.x) <= solves.longest:
             return flight, near
         if len(rows) == 0:
             rows = np.array([margins.argmin()])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -57,7 +58,8 @@ SOME = Hope()  # not to fail in all flights
 class Sweep:
     """What all polishes of a front share.
 
-    The common flights, the time ``budget``, and what paths have to reach (``hope``).
+    The common flights, the time ``budget``, what paths have to reach (``hope``), and the ``spread`` of
+    flights about a path, their typical standard deviation [m].
 
     ``progress`` is called with the steps of the search, the ``before`` steps of other scouts counted.
 
@@ -79,6 +81,7 @@ class Sweep:
     progress: Progress | None = None
     before: int = 0
     hope: Hope = SOME
+    spread: float = math.inf
 
     @property
     def over(self) -> bool:
@@ -90,10 +93,29 @@ class Sweep:
         """The steps that are reported: some of each scout, and the last polish."""
         return SCOUT_STEPS * self.effort.scouts + 1
 
+    @property
+    def map_size(self) -> float:
+        """Mean of the map's extents [m]."""
+        return float(np.ptp(self.problem.scene.bounds, axis=0).mean())
+
+    @property
+    def share(self) -> float:
+        """Share of the usual widths: less than 1 where flights spread little."""
+        return min(1.0, max(self.spread / (self.effort.spread * self.map_size), self.effort.narrowest))
+
     def polish_of(self, how: Polish) -> Polish:
-        """A polish of the effort, with widths on this map."""
-        size = float(np.ptp(self.problem.scene.bounds, axis=0).mean())
-        return replace(how, widths=tuple(size * width for width in how.widths))
+        """A polish of the effort, with widths [m] for this map and the spread of flights.
+
+        Widths beyond the spread smooth the failure of all paths alike: the search would lengthen a path far
+        beyond the place where flights cease to fail.
+        """
+        share, widths = self.share, [self.map_size * width for width in how.widths]
+        if how.far and share < 1.0:
+            narrowest = share * widths[-1]
+            while widths[-1] > self.effort.fall * narrowest:
+                widths.append(widths[-1] / self.effort.fall)
+            return replace(how, widths=(*widths, narrowest))
+        return replace(how, widths=tuple(share * width for width in widths))
 
     def timed_means(self, x: FloatArray, spare: int) -> FloatArray:
         """The line of ``x`` in the fewest steps and ``spare`` more; more where windows open later."""
