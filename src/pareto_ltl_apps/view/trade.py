@@ -12,6 +12,7 @@ import shapely
 from careful_io.texts import distance_text
 from pareto_ltl import Scene
 from pareto_ltl.extend import Front, Plan
+from pareto_ltl.settings import SelectionConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.display import flights_text
 from pareto_ltl_apps.view.limits import chosen_number
@@ -55,7 +56,7 @@ class Trade:
         """What shorter and longer paths give instead of point ``k``, and why it turns in a region."""
         if not self.front.rates:
             return []
-        return [*self._shorter(k), *self._longer(k), *self._loops(k)]
+        return [*self._shorter(k), *self._longer(k), *self._exchange(k), *self._loops(k)]
 
     @cached_property
     def lengths(self) -> FloatArray:
@@ -89,6 +90,31 @@ class Trade:
         some: IntArray = np.flatnonzero((self.lengths > self.lengths[k]) & (self.rates < self.rates[k]))
         if len(some):
             yield self._said(int(some[np.argmin(self.rates[some])]), k)
+
+    def _exchange(self, k: int) -> Iterator[str]:
+        """One per cent of length on both sides of point ``k``: the rule ``worth`` compares its effects.
+
+        For the steepest way to a longer point and the flattest one to a shorter point, logarithms of
+        failures (plus ``SelectionConfig.SMALL``) over logarithms of lengths.
+        """
+        fails = np.log(self.rates + SelectionConfig.SMALL) - np.log(self.rates[k] + SelectionConfig.SMALL)
+        far = np.log(self.lengths / self.lengths[k])
+        longer, shorter = (
+            np.flatnonzero((far > 0.0) & (fails < 0.0)),
+            np.flatnonzero((far < 0.0) & (fails > 0.0)),
+        )
+        slopes = -fails / np.where(far == 0.0, 1.0, far)
+        parts = list[str]()
+        if len(longer):
+            best = int(longer[np.argmax(slopes[longer])])
+            parts.append(f"1 % more length saves at most {slopes[best]:.1f} % of the failures (point {best})")
+        if len(shorter):
+            best = int(shorter[np.argmin(slopes[shorter])])
+            less = "1 % less" if parts else "1 % less length"
+            to = "" if parts else " to the failures"
+            parts.append(f"{less} adds at least {slopes[best]:.1f} %{to} (point {best})")
+        if parts:
+            yield ", ".join(parts)
 
     def _said(self, other: int, k: int) -> str:
         """``Point 2 is 250.0 km (13 %) shorter: 5.0 instead of 4.0 of 100 flights fail, ...``."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from careful_io.texts import distance_text
@@ -12,6 +14,7 @@ from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.geometry import within
 from pareto_ltl_verify.wording import flights_text
 
+SMALL = 1e-3  # of a failure rate, added before rates are divided
 MUCH, LITTLE = 0.9, 0.97  # lengths of shorter paths that are named, as shares of the length
 LOOP = np.pi  # sum of the turns at positions in a region [rad]
 
@@ -73,6 +76,7 @@ def texts(result: Evidence) -> list[str]:
         longer = [n for n in every if rows[n]["length_m"] > row["length_m"] and told[n] < told[k]]
         if longer:
             text += instead(min(longer, key=lambda n: told[n]), k)
+        text += exchange([row["length_m"] for row in rows], told, k)
         straight = [n for n in every if not turned[n]]
         best = min(straight, key=lambda n: (rows[n]["failure"], rows[n]["length_m"]), default=k)
         if turned[k] and rows[best]["failure"] > row["failure"]:
@@ -86,6 +90,24 @@ def texts(result: Evidence) -> list[str]:
                 text += "the data of the law cannot tell these rates apart."
         found.append(text.rstrip())
     return found
+
+
+def exchange(lengths: list[float], told: list[float], k: int) -> str:
+    """What one per cent of length gives: the steepest way to a longer point, the flattest to a shorter."""
+    ways = {
+        n: math.log((told[k] + SMALL) / (told[n] + SMALL)) / math.log(lengths[n] / lengths[k])
+        for n in range(len(told))
+        if (lengths[n] - lengths[k]) * (told[k] - told[n]) > 0.0
+    }
+    more = max((n for n in ways if lengths[n] > lengths[k]), key=lambda n: ways[n], default=None)
+    less = min((n for n in ways if lengths[n] < lengths[k]), key=lambda n: ways[n], default=None)
+    text = ""
+    if more is not None:
+        text = f"1 % more length saves at most {ways[more]:.1f} % of the failures (point {more})"
+    if less is not None:
+        text += ", 1 % less" if text else "1 % less length"
+        text += f" adds at least {ways[less]:.1f} %{' to the failures' * (more is None)} (point {less})"
+    return text and f"{text}. "
 
 
 def regions_turned_in(result: Evidence, x: FloatArray) -> list[str]:
