@@ -31,7 +31,7 @@ def faces_of(polygons: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         normal = np.column_stack([-edge[:, 1], edge[:, 0]])
         rows.append(np.column_stack([normal, (normal * polygon).sum(axis=1)]))
         begins.append(begins[-1] + len(polygon))
-    return np.concatenate(rows), np.array(begins)
+    return np.concatenate([np.empty((0, 3)), *rows]), np.array(begins)
 
 
 def segment_test(polygons: list[np.ndarray]) -> Any:

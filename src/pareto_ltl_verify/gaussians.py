@@ -304,16 +304,35 @@ def segment_risks(parts: Sequence[Convex], x: FloatArray, cov: FloatArray) -> tu
     A part behind the line of a closer one adds nothing.
     """
     lines = np.stack([best_lines(part, x, cov) for part in parts], axis=1)
+    ends = [part.corners if len(part.corners) else _wall_ends(part, parts) for part in parts]
     risks = np.zeros(len(lines))
     for t, rows in enumerate(lines):
         left = list(np.argsort(rows[:, 0], kind="stable"))
         while left:
             z, normal, offset = rows[left[0], 0], rows[left[0], 1:3], rows[left[0], 3]
             risks[t] += ndtr(-z)
-            left = [k for k in left[1:] if not _behind(parts[k], normal, offset)]
+            left = [k for k in left[1:] if not _behind(parts[k], ends[k], normal, offset)]
     return lines[:, :, 0], risks
 
 
-def _behind(part: Convex, normal: FloatArray, offset: float) -> bool:
-    """Whether a polygon reaches no farther along ``normal`` than ``offset`` [m]; a wall has no end."""
-    return bool(len(part.corners)) and bool((part.corners @ normal).max() <= offset + BEHIND)
+def _behind(part: Convex, ends: FloatArray, normal: FloatArray, offset: float) -> bool:
+    """Whether a polygon reaches no farther along ``normal`` than ``offset`` [m].
+
+    A wall has no end outwards, and begins at the border of the map between its ``ends`` (n, 2) [m].
+    """
+    if not len(ends) or (not len(part.corners) and part.normals[0] @ normal < 0.0):
+        return False
+    return bool((ends @ normal).max() <= offset + BEHIND)
+
+
+def _wall_ends(wall: Convex, parts: Sequence[Convex]) -> FloatArray:
+    """The corners of the map (n, 2) [m] at which ``wall`` meets the walls across it."""
+    across = [
+        part for part in parts if not len(part.corners) and abs(part.normals[0] @ wall.normals[0]) < 0.5
+    ]
+    rows = [np.vstack([wall.normals, part.normals]) for part in across]
+    meet = [
+        np.linalg.solve(row, [wall.offsets[0], part.offsets[0]])
+        for row, part in zip(rows, across, strict=True)
+    ]
+    return np.array(meet).reshape(-1, 2)

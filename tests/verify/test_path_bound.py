@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from pareto_ltl_verify.gaussians import ON_EDGE, _cheapest_runs
+from pareto_ltl_verify.gaussians import ON_EDGE, _cheapest_runs, segment_risks
+from pareto_ltl_verify.geometry import beyond_bounds, convex
 
 
 def run_cost(gap: np.ndarray, sd: np.ndarray, grows: np.ndarray, first: int, last: int) -> float:
@@ -50,3 +51,20 @@ def test_the_cheapest_runs_are_those_of_all_divisions(seed: int, growing: float)
         assert found == pytest.approx(plain, rel=1e-9)
     else:
         assert found >= 1.0
+
+
+@pytest.mark.parametrize(("west", "counted"), [(-10.0, 1), (3.0, 2)])
+def test_a_border_behind_the_line_of_an_obstacle_adds_nothing_to_a_segment(west: float, counted: int) -> None:
+    """An obstacle along the northern border hides it if no line past its end comes nearer."""
+    km = 1e3
+    walls = beyond_bounds(km * np.array([[-10.0, -10.0], [10.0, 10.0]]))
+    strip = convex([(km * a, km * b) for a, b in ((west, 8.0), (10.0, 8.0), (10.0, 10.0), (west, 10.0))])
+    x, cov = (
+        km * np.array([[-1.0, 5.0], [1.0, 5.0]]),
+        km**2 * np.repeat(np.diag([0.04, 1.0])[None], 2, axis=0),
+    )
+    z, risks = segment_risks((*walls, strip), x, cov)
+    assert z[0, 3] == pytest.approx(5.0, rel=1e-6)  # the northern border
+    near, border = float(norm.sf(z[0, 4])), float(norm.sf(5.0))
+    assert z[0, 4] == pytest.approx(3.0, rel=1e-3) if counted == 1 else z[0, 4] > 4.0
+    assert risks[0] == pytest.approx(near + (counted - 1) * border, rel=1e-4)
