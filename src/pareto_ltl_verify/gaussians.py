@@ -327,12 +327,9 @@ def _behind(part: Convex, ends: FloatArray, normal: FloatArray, offset: float) -
 
 def _wall_ends(wall: Convex, parts: Sequence[Convex]) -> FloatArray:
     """The corners of the map (n, 2) [m] at which ``wall`` meets the walls across it."""
-    across = [
-        part for part in parts if not len(part.corners) and abs(part.normals[0] @ wall.normals[0]) < 0.5
-    ]
-    rows = [np.vstack([wall.normals, part.normals]) for part in across]
     meet = [
-        np.linalg.solve(row, [wall.offsets[0], part.offsets[0]])
-        for row, part in zip(rows, across, strict=True)
+        np.linalg.solve(np.vstack([wall.normals, part.normals]), np.append(wall.offsets, part.offsets))
+        for part in parts
+        if not len(part.corners) and abs(part.normals[0] @ wall.normals[0]) < 0.5
     ]
     return np.array(meet).reshape(-1, 2)

@@ -11,8 +11,7 @@ import shapely
 from drawn_world import front_of, plan_of, scene_of
 from pareto_ltl import Scene
 from pareto_ltl.extend import FailureRate, Front
-from pareto_ltl.settings import SelectionConfig
-from pareto_ltl_apps.view.trade import SMALL, Trade, looped_regions, trade_lines
+from pareto_ltl_apps.view.trade import Trade, looped_regions, trade_lines
 
 LENGTHS, FAILURES = (2.0e6, 1.95e6, 1.7e6, 1.5e6), (0.03, 0.04, 0.05, 0.5)
 
@@ -57,10 +56,6 @@ def test_what_one_per_cent_of_length_gives_is_said_of_both_sides() -> None:
     )
     assert least[-1] == "1 % more length saves at most 18.3 % of the failures (point 2)"
     assert "1 % less length adds at least 3.1 % to the failures (point 2)" in most
-
-
-def test_the_rule_of_the_plan_counts_small_rates_as_the_sentences_do() -> None:
-    assert SelectionConfig.SMALL == SMALL
 
 
 def test_a_front_that_is_judged_by_bounds_has_no_sentence() -> None:

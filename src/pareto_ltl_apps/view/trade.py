@@ -11,7 +11,7 @@ import shapely
 
 from careful_io.texts import distance_text
 from pareto_ltl import Scene
-from pareto_ltl.extend import Front, Plan
+from pareto_ltl.extend import Front, Plan, SelectionConfig
 from pareto_ltl.support.arrays import FloatArray, IntArray
 from pareto_ltl.support.display import flights_text
 from pareto_ltl_apps.view.limits import chosen_number
@@ -19,7 +19,6 @@ from pareto_ltl_apps.view.limits import chosen_number
 SHORTER = (0.10, 0.03)  # shares of its length by which a path is worth naming: the first that there is
 LEAST = SHORTER[-1]
 COMPARED = "in the winds in which paths are compared"  # the promise of a plan has other winds
-SMALL = 1e-3  # failure rate below which a lower one is worth little length, as in the rule ``worth``
 HALF_TURN = 180.0  # [deg] of all turns in a region that are a loop
 
 
@@ -95,15 +94,13 @@ class Trade:
         """One per cent of length on both sides of point ``k``: the rule ``worth`` compares its effects.
 
         For the steepest way to a longer point and the flattest one to a shorter point, logarithms of
-        failures (plus ``SMALL``) over logarithms of lengths.
+        failures (plus ``SelectionConfig.SMALL``) over logarithms of lengths.
         """
-        fails = np.log(self.rates + SMALL) - np.log(self.rates[k] + SMALL)
-        far = np.log(self.lengths / self.lengths[k])
-        longer, shorter = (
-            np.flatnonzero((far > 0.0) & (fails < 0.0)),
-            np.flatnonzero((far < 0.0) & (fails > 0.0)),
-        )
-        slopes = -fails / np.where(far == 0.0, 1.0, far)
+        fails, far = np.log(self.rates + SelectionConfig.SMALL), np.log(self.lengths)
+        fewer, farther = fails[k] - fails, far - far[k]
+        longer = np.flatnonzero((farther > 0.0) & (fewer > 0.0))
+        shorter = np.flatnonzero((farther < 0.0) & (fewer < 0.0))
+        slopes = np.divide(fewer, farther, out=np.zeros(len(far)), where=farther != 0.0)
         parts = list[str]()
         if len(longer):
             best = int(longer[np.argmax(slopes[longer])])

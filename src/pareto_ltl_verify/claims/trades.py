@@ -9,12 +9,12 @@ import numpy as np
 from careful_io.texts import distance_text
 from pareto_ltl_verify.arrays import FloatArray
 from pareto_ltl_verify.claims import Claim, Verdict, no_fault
+from pareto_ltl_verify.claims.choice import SMALL
 from pareto_ltl_verify.claims.page import PAGE, page_data
 from pareto_ltl_verify.evidence import Evidence
 from pareto_ltl_verify.geometry import within
 from pareto_ltl_verify.wording import flights_text
 
-SMALL = 1e-3  # of a failure rate, added before rates are divided
 MUCH, LITTLE = 0.9, 0.97  # lengths of shorter paths that are named, as shares of the length
 LOOP = np.pi  # sum of the turns at positions in a region [rad]
 
