@@ -11,15 +11,13 @@ from numpy.random import SeedSequence
 
 from landmarks import LANDMARK_SCENE, LANDMARK_WAY, landmark_problem
 from pareto_ltl.extend import which_fail
-from pareto_ltl.kernels.fixes import UNFADED
 from pareto_ltl.planning.evaluate import evaluate_path, propagate
 from pareto_ltl.settings import RobotConfig, SceneConfig
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.world.scene_files import scene_from_dict, scene_to_dict
 from pareto_ltl.world.scene_settings import scene_from_settings
 from pareto_ltl_apps.studies.settings import ReplanningConfig
-from problems import QUICK_ERROR, box
-from wind_laws.records import ENSEMBLE, HELD, PARTS, TIME
+from problems import box
 
 
 def test_a_landmark_collapses_what_is_unknown_and_lowers_the_risk():
@@ -110,17 +108,6 @@ def test_a_landmark_that_no_robot_can_use_is_refused(changes, message):
 def test_settings_of_feedback_and_fixes_are_checked(settings, key):
     with pytest.raises(ConfigError, match=key.replace(".", r"\.")):
         RobotConfig(**settings)
-
-
-def test_fixes_tell_of_every_part_of_the_error():
-    """A part that does not change fades like any other: the part of a held field is the last of them."""
-    p = landmark_problem(error=QUICK_ERROR)
-    ends = []
-    for part in (ENSEMBLE, HELD):
-        modes = p.modes._replace(part=np.where(p.modes.part == TIME, part, p.modes.part))
-        ends.append(propagate(p, LANDMARK_WAY, p.world.law._replace(modes=modes)).cov[-1])
-    assert len(PARTS) == len(UNFADED)
-    np.testing.assert_array_equal(ends[0], ends[1])
 
 
 def test_of_overlapping_landmarks_one_fix_is_taken_and_equal_ones_change_nothing():

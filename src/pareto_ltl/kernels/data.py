@@ -198,21 +198,19 @@ class LandmarkMemory(NamedTuple):
     """Row t is the input for step t + 1.
 
     ``at`` (N, 2) is the mean [m], ``chance`` (N,) the probability of the fix that it counts on, 0 for none;
-    ``theta`` (N, 2, 2, P) = Cov(ẽ, θ̃); ``known`` (N, 3) = Cov(ê); ``faded`` (N, G): factor s of the last fix
-    (:mod:`~pareto_ltl.kernels.fixes`). Fix f has ``gain`` (M, 2, 2, P) = D and the factor ``share`` (M, G) of
-    the fix before it at the time of f. ``used`` (1,) is the number of fixes stored. ``errors`` are the
-    robot's errors.
+    ``theta`` (N, 2, 2, P) = Cov(ẽ, θ̃); ``known`` (N, 3) = Cov(ê). Fix f has ``gain`` (M, 2, 2, P) = s D
+    (:mod:`~pareto_ltl.kernels.fixes`), which fades from step to step. ``used`` (1,) is the number of fixes
+    stored. ``errors`` are the robot's errors, ``psi`` (2, P) memory for ψ at one place.
     """
 
     at: FloatArray
     chance: FloatArray
     theta: Float32Array
     known: FloatArray
-    faded: FloatArray
     gain: Float32Array
-    share: FloatArray
     used: IntArray
     errors: FlightErrors
+    psi: Float32Array
 
 
 Law: TypeAlias = IndependentLaw | CoherentLaw | LandmarkLaw

@@ -8,8 +8,8 @@ before, with the remaining Cov(θ),
     ẽ' = F ẽ + dt (ψ' θ̃ + gust),    Cov(θ̃) = I - Σ_f p_f s_f² D_f' D_f,    D = L⁻¹ C,  L L' = Σ̃ + R_f,
     ê' = (F - κ) ê,                  Cov(e) = Cov(ẽ) + Cov(ê)   (orthogonal),
 
-where s_f is the product of ρ since fix f, one for each part of the error, and p_f the probability that the
-robot is inside the landmark. The update with the weight p is the expected covariance of a filter whose
+where s_f is the product of ρ since fix f, by which its D is multiplied step by step, p_f the probability that
+the robot is inside the landmark. The update with the weight p is the expected covariance of a filter whose
 measurement arrives with that probability (Sinopoli et al., IEEE Trans. Automat. Contr. 49, 2004,
 doi:10.1109/TAC.2004.834121). It is smooth in the path, and the Gaussian that corridors and chance
 constraints see; the failure rate of a plan comes from flights whose filters take each fix or not
@@ -19,7 +19,7 @@ constraints see; the failure rate of a plan comes from flights whose filters tak
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 from pareto_ltl.kernels.data import Ahead, LandmarkLaw, LandmarkMemory, Landmarks, Modes, Square
 from pareto_ltl.kernels.interpolation import F32, corner_weights, mode_square, mode_value, wind_at
@@ -38,57 +38,14 @@ from pareto_ltl.kernels.robot_errors import (
     learn_errors,
     subtract_errors,
 )
-from pareto_ltl.support.arrays import Float32Array, FloatArray, IntArray
+from pareto_ltl.support.arrays import Float32Array
 from plane_kernels.gaussian import FixWeights, fix_weights
 from plane_kernels.polygon import polygon_probability
 from plane_kernels.types import Cov, Gaussian, Linear, Point
 from typed_kernels.jit import implements, kernel, vector
 
-FADED = 1e-3  # fixes whose factors s are all below this are ignored
 OUTSIDE = 5.0  # deviations beyond which a landmark is out of reach
 WORTHWHILE = 0.01  # share of the unknown variance: fixes that take less are ignored
-# Factors s of a fix, one for each of PARTS:
-Shares: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
-UNFADED = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
-
-
-@kernel
-def shares_of(table: FloatArray, row: int) -> Shares:
-    """Row ``row`` of ``table`` (N, G)."""
-    return (
-        table[row, 0],
-        table[row, 1],
-        table[row, 2],
-        table[row, 3],
-        table[row, 4],
-        table[row, 5],
-        table[row, 6],
-        table[row, 7],
-        table[row, 8],
-    )
-
-
-@kernel
-def keep_shares(table: FloatArray, row: int, shares: Shares) -> None:
-    """Write ``shares`` to row ``row`` of ``table`` (N, G)."""
-    for part in range(len(UNFADED)):
-        table[row, part] = shares[part]
-
-
-@kernel
-def faded_by(shares: Shares, table: FloatArray, row: int) -> Shares:
-    """``shares`` times row ``row`` of ``table`` (N, G)."""
-    return (
-        shares[0] * table[row, 0],
-        shares[1] * table[row, 1],
-        shares[2] * table[row, 2],
-        shares[3] * table[row, 3],
-        shares[4] * table[row, 4],
-        shares[5] * table[row, 5],
-        shares[6] * table[row, 6],
-        shares[7] * table[row, 7],
-        shares[8] * table[row, 8],
-    )
 
 
 @kernel
@@ -147,7 +104,6 @@ def _forget_fixes(_law: LandmarkLaw, memory: LandmarkMemory) -> None:
     clear_theta(memory.theta)
     memory.known[0, 0], memory.known[0, 1], memory.known[0, 2] = 0.0, 0.0, 0.0
     memory.at[0, 0], memory.at[0, 1], memory.chance[0] = 0.0, 0.0, 0.0
-    keep_shares(memory.faded, 0, UNFADED)
     memory.used[0] = 0
     begin_errors(memory.errors)
 
@@ -159,7 +115,6 @@ def _advance_with_fixes(
     motion, marks, at = law.motion, law.landmarks, here.mean
     known = Cov(memory.known[row, 0], memory.known[row, 1], memory.known[row, 2])
     unknown = without(here.cov, known)
-    faded = shares_of(memory.faded, row)
     begin = Point(memory.at[row, 0], memory.at[row, 1]) if step > 0 else at
     memory.at[target, 0], memory.at[target, 1], memory.chance[target] = at.x, at.y, 0.0
     if row != target:
@@ -171,20 +126,17 @@ def _advance_with_fixes(
             f = memory.used[0]
             memory.used[0] += 1
             memory.chance[target] = sight.chance
-            keep_shares(memory.share, f, faded)
             weights = fix_weights(unknown, error)
             learn(memory, target, f, weights, sight.chance)
             learn_errors(memory.errors, step, f, weights, sight.chance)
             gained = covariance_gained(weights.gain, unknown, sight.chance)
             known = Cov(known.xx + gained.xx, known.xy + gained.xy, known.yy + gained.yy)
             unknown = without(unknown, gained)
-            faded = UNFADED
     mean, cov = carry(law, step, Gaussian(at, unknown), memory.theta, target, target)
     cov = add_errors(memory.errors, motion, step, closed_loop(law, step, at), mean, cov)
-    steered = steer_against(law, memory, step, at, faded, target)
+    steered = steer_against(law, memory, step, at, target)
     after = known_after(closed_loop(law, step, at), marks.gain, known)
     memory.known[target, 0], memory.known[target, 1], memory.known[target, 2] = after
-    keep_shares(memory.faded, target, faded_by(faded, law.modes.keep, step + 1))
     against = scaled_cov(motion.dt * motion.dt, steered)
     total = Cov(
         cov.xx - against.xx + after.xx,
@@ -269,53 +221,63 @@ def covariance_gained(gain: Linear, unknown: Cov, chance: float) -> Cov:
 
 
 @kernel
-def steer_against(
-    law: LandmarkLaw, memory: LandmarkMemory, step: int, at: Point, faded: Shares, target: int
-) -> Cov:
+def steer_against(law: LandmarkLaw, memory: LandmarkMemory, step: int, at: Point, target: int) -> Cov:
     """Subtract the wind and the robot's errors that are known from fixes from row ``target`` of ``theta``.
 
-    Returns the covariance of the velocity by what is known [m²/s²]. Fixes are visited backwards from the last
-    one, whose factors are ``faded``.
+    Returns the covariance of the velocity by what is known [m²/s²]. What each fix has told fades by one step.
 
     Eq. (M28) of docs/mathematics.md.
     """
-    modes, dt = law.modes, law.motion.dt
-    kept, square = modes.kept[step + 1], mode_square(modes, at)
+    modes, dt, psi = law.modes, law.motion.dt, memory.psi
+    kept, theta = modes.kept[step + 1], memory.theta[target]
     xx, xy, yy = 0.0, 0.0, 0.0
-    f, s = memory.used[0] - 1, faded
-    lasting = len(memory.errors.law.mean) > 0  # the robot's errors do not fade
-    while f >= 0 and (lasting or max(s[0], s[1], s[2], s[3], s[4]) > FADED):
-        for r in range(2):
-            e = expected_wind(modes, step, square, memory.gain[f, r, 0], s, 0)
-            n = expected_wind(modes, step, square, memory.gain[f, r, 1], s, 1)
-            e += expected_error(memory.errors, step, f, r, 0)
-            n += expected_error(memory.errors, step, f, r, 1)
-            xx, xy, yy = xx + e * e, xy + e * n, yy + n * n
-            subtract_fix(memory.theta[target, 0], memory.gain[f, r], dt * e, kept, modes.part, s)
-            subtract_fix(memory.theta[target, 1], memory.gain[f, r], dt * n, kept, modes.part, s)
-            subtract_errors(memory.errors, step, f, r, dt * e, dt * n)
-        s, f = faded_by(s, memory.share, f), f - 1
+    fill_wind_modes(modes, step, mode_square(modes, at), psi)
+    for f in range(memory.used[0]):
+        gain = memory.gain[f]
+        e0, e1 = weighted(psi[0], gain[0, 0]), weighted(psi[0], gain[1, 0])
+        n0, n1 = weighted(psi[1], gain[0, 1]), weighted(psi[1], gain[1, 1])
+        e0 += expected_error(memory.errors, step, f, 0, 0)
+        e1 += expected_error(memory.errors, step, f, 1, 0)
+        n0 += expected_error(memory.errors, step, f, 0, 1)
+        n1 += expected_error(memory.errors, step, f, 1, 1)
+        xx, xy, yy = xx + e0 * e0 + e1 * e1, xy + e0 * n0 + e1 * n1, yy + n0 * n0 + n1 * n1
+        subtract_fix(theta, gain, kept, (dt * e0, dt * e1, dt * n0, dt * n1))
+        subtract_errors(memory.errors, step, f, 0, dt * e0, dt * n0)
+        subtract_errors(memory.errors, step, f, 1, dt * e1, dt * n1)
     return Cov(xx, xy, yy)
 
 
 @vector
-def expected_wind(
-    modes: Modes, step: int, square: Square, coefficients: Float32Array, s: Shares, c: int
-) -> float:
-    """Σ_m ψ_m(x) s_m ``coefficients[m]`` of wind component ``c``; s_m is the factor of the mode's part."""
-    weights, slot, scale, total = corner_weights(square), modes.slot[step], modes.scale[step], F32(0.0)
-    for m in range(modes.psi.shape[4]):
-        p = scale[m] * mode_value(modes.psi, slot, square, weights, c, m)
-        total += p * coefficients[m] * F32(s[modes.part[m]])
+def fill_wind_modes(modes: Modes, step: int, square: Square, psi: Float32Array) -> None:
+    """Fill ``psi`` (2, P) with ψ(x) at a step [m/s]."""
+    weights, slot, scale = corner_weights(square), modes.slot[step], modes.scale[step]
+    for c in range(2):
+        for m in range(psi.shape[1]):
+            psi[c, m] = scale[m] * mode_value(modes.psi, slot, square, weights, c, m)
+
+
+@vector
+def weighted(psi: Float32Array, coefficients: Float32Array) -> float:
+    """Σ_m ``psi[m]`` ``coefficients[m]``."""
+    total = F32(0.0)
+    for m in range(len(psi)):
+        total += psi[m] * coefficients[m]
     return total  # type: ignore[return-value]
 
 
 @vector
 def subtract_fix(
-    theta: Float32Array, gain: Float32Array, factor: float, kept: Float32Array, part: IntArray, s: Shares
-) -> None:
-    """Subtract ``factor`` s_m ``kept[m]`` ``gain[c, m]`` from ``theta`` (2, P), s_m as above."""
-    weight = F32(factor)
+    theta: Float32Array, gain: Float32Array, kept: Float32Array,
+    moved: tuple[float, float, float, float],
+) -> None:  # fmt: skip
+    """Fade ``gain`` (2, 2, P) by ``kept`` (P,) and subtract it from ``theta`` (2, 2, P).
+
+    Its rows are weighted by ``moved``: by the displacement [m] that each causes, east and then north.
+    """
+    e0, e1, n0, n1 = F32(moved[0]), F32(moved[1]), F32(moved[2]), F32(moved[3])
     for c in range(2):
-        for m in range(theta.shape[1]):
-            theta[c, m] -= weight * kept[m] * F32(s[part[m]]) * gain[c, m]
+        for m in range(theta.shape[2]):
+            one, two = kept[m] * gain[0, c, m], kept[m] * gain[1, c, m]
+            theta[0, c, m] -= e0 * one + e1 * two
+            theta[1, c, m] -= n0 * one + n1 * two
+            gain[0, c, m], gain[1, c, m] = one, two

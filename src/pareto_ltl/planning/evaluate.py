@@ -48,9 +48,9 @@ def _landmark_memory(law: kd.LandmarkLaw, rows: int) -> kd.LandmarkMemory:
     return kd.LandmarkMemory(
         at=np.zeros((rows, 2)), chance=np.zeros(rows),
         theta=np.zeros((rows, 2, 2, modes), np.float32), known=np.empty((rows, 3)),
-        faded=np.ones((rows, law.modes.keep.shape[1])), gain=np.empty((rows, 2, 2, modes), np.float32),
-        share=np.empty((rows, law.modes.keep.shape[1])), used=np.zeros(1, np.int64),
+        gain=np.empty((rows, 2, 2, modes), np.float32), used=np.zeros(1, np.int64),
         errors=errors_along(kd.EXACT, np.empty((1, 2)), np.empty((0, 2)), 0),
+        psi=np.empty((2, modes), np.float32),
     )  # fmt: skip
 
 
