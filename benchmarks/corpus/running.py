@@ -19,13 +19,12 @@ from pathlib import Path
 from typing import Any
 
 from corpus.missions import Mission
-from pareto_ltl.settings.planner import COARSE_EFFORT
 
 TIMED_OUT = 124
 LARGE = ("trees.npz", "front.npz", "deployments.npz", "wind.nc", "cells.json")  # not kept
 VARIANTS: dict[str, list[str]] = {  # words of each
     "full": [],
-    "quick": [f"refine.{name}={value}" for name, value in COARSE_EFFORT.items()],
+    "quick": ["planner=quick"],
     "bare": [],  # on the map without its landmarks
 }
 

@@ -122,8 +122,8 @@ class Effort:
         return self.more_flights * self.flights
 
 
-COARSE: dict[str, Any] = {  # of a first impression, half of the CPU time and less
-    "scouts": 1, "looked_lines": 6, "looked_longest": 2, "flipped": 1, "led": 2,
-    "spacing": 1.06, "economic": 3,
+COARSE: dict[str, Any] = {  # of a first impression, a third of the CPU time and less
+    "scouts": 1, "looked_lines": 3, "looked_grown": 3, "looked_longest": 1, "flipped": 1, "led_rounds": 0,
+    "spacing": 1.1, "last_spacing": 1.06, "economic": 3,
 }  # fmt: skip
 USUAL = Effort.of(RefineConfig())  # of a caller that asks for starts without a search
