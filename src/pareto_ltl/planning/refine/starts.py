@@ -6,10 +6,10 @@ more slowly, or with a stop, where a time window opens after a robot at full spe
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -37,6 +37,7 @@ SHUTTLE = 0.8  # share of a full step that a robot with a least airspeed flies t
 TOO_SLOW = 0.8  # of the least airspeed: refinement lengthens a line that is flown a little too slowly
 SLOWER = (0, 1, 2, 4, 8)  # steps added to a line that needs more airspeed than there is
 STOPS = 12  # places along a line at which a stop is tried
+TRIES = 300  # later arrivals of a line of the search; those that helped were among the first 50
 
 
 StartKind: TypeAlias = tuple[PathClass, int]  # class, and number of the interval of lengths
@@ -258,34 +259,38 @@ def retimed_means(
     y = resampled_means(problem, x, steps, needed)
     if len(problem.logic.delta) == 1 or completes(problem, y) or not completes(problem, x):
         return y
-    y = paced_line(problem, y)
+    y = paced_line(problem, y, TRIES)
     return y if completes(problem, y) else x
 
 
-def paced_line(problem: Problem, x: FloatArray) -> FloatArray:
+def paced_line(problem: Problem, x: FloatArray, tries: int | None = None) -> FloatArray:
     """``x`` (T+1, 2) flown more slowly, or with a stop on the way, if only that completes the mission.
 
     Lines are walked at full speed, and may arrive before a window opens, or while a region is still
-    forbidden. First the whole line is slowed down, as little as necessary and hardly below the least
-    airspeed; then stops are tried, the shortest first. Without time windows, and if neither helps, ``x`` is
-    returned.
+    forbidden. Without time windows, and if none of the first ``tries`` (all by default) of
+    :func:`_later_lines` helps, ``x`` is returned.
     """
     if len(problem.logic.delta) == 1 or completes(problem, x):
         return x
+    later = islice(_later_lines(problem, x), tries)
+    return next((line for line in later if completes(problem, line)), x)
+
+
+def _later_lines(problem: Problem, x: FloatArray) -> Iterator[FloatArray]:
+    """Lines that arrive later than ``x`` (T+1, 2).
+
+    First the whole line is slowed down, as little as necessary and hardly below the least airspeed; then it
+    has a stop, the shortest first.
+    """
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1))])
     slowest = TOO_SLOW * problem.motion.u_min * problem.motion.dt
     limit = problem.horizon if slowest == 0.0 else min(problem.horizon, int(along[-1] / slowest))
     for steps in range(len(x), limit + 1):
         even = np.linspace(0.0, along[-1], steps + 1)
-        slow = np.stack([np.interp(even, along, x[:, k]) for k in (0, 1)], axis=1)
-        if completes(problem, slow):
-            return slow
+        yield np.stack([np.interp(even, along, x[:, k]) for k in (0, 1)], axis=1)
     for stop in range(1, problem.horizon + 2 - len(x)):
         for t in range(len(x) - 1, -1, -max(1, len(x) // STOPS)):
-            late = np.concatenate([x[:t], _waiting(problem, x, t, stop), x[t + 1 :]])
-            if completes(problem, late):
-                return late
-    return x
+            yield np.concatenate([x[:t], _waiting(problem, x, t, stop), x[t + 1 :]])
 
 
 def _waiting(problem: Problem, x: FloatArray, t: int, stop: int) -> FloatArray:
