@@ -107,7 +107,7 @@ class RefineConfig(CheckedSettings, section="refine"):
     points: int = setting(26, "largest number of paths that are polished on all flights", "[2, 10_000]")
 
     def coarse(self) -> RefineConfig:
-        """These settings within ``COARSE_EFFORT``: half of the CPU time and less, worse plans."""
+        """These settings within ``COARSE_EFFORT``: a third of the CPU time and less, worse plans."""
         return replace(self, **{name: min(getattr(self, name), at) for name, at in COARSE_EFFORT.items()})
 
 
