@@ -564,6 +564,8 @@ def test_a_path_is_polished_in_the_fewest_steps_and_its_own_and_in_more_where_it
     for slower, steps in ((False, [0, 1, own]), (True, [0, 1, own, more])):
         lines = levels.timed_lines(begun, slow, EFFORT.spare_steps, slower=slower)
         assert [line[1] for line in lines] == steps
+    coarse = replace(begun, effort=replace(EFFORT, apart=1.5 / fewest))  # one step more makes no difference
+    assert [line[1] for line in levels.timed_lines(coarse, slow, (0, 1), slower=True)] == [0, own, more]
 
 
 def test_the_widest_gaps_of_a_front_are_divided(grown):

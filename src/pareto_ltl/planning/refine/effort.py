@@ -85,6 +85,7 @@ class Effort:
     unseen: float = 0.5  # flights that are added to both: differences far below one flight do not count
     spare_steps: tuple[int, ...] = (0, 1)  # beyond the fewest, besides the number of the path itself
     slower: float = 0.1  # of the fewest steps: the best path is also tried in so many more
+    apart: float = 0.01  # of the fewest steps: numbers of steps that differ by less are not both tried
     compared: int = 12  # classes, besides those that are swept, whose best path is compared by all flights
 
     # --- last polish of a front ---
