@@ -110,6 +110,19 @@ def test_settings_of_feedback_and_fixes_are_checked(settings, key):
         RobotConfig(**settings)
 
 
+def test_what_fixes_told_of_modes_that_fade_becomes_zero():
+    """Else it would become so small that processors compute with it a hundred times more slowly."""
+    p = landmark_problem()
+    gains = []
+    for kept in (1.0, 1e-3):
+        modes = p.modes._replace(kept=np.full_like(p.modes.kept, kept))
+        memory = propagate(p, LANDMARK_WAY, p.world.law._replace(modes=modes)).memory
+        gains.append(np.abs(memory.gain[: memory.used[0]]))
+    assert gains[0][0].max() > 0.1
+    assert (gains[1][0] == 0.0).all()
+    assert gains[1][gains[1] > 0.0].min(initial=1.0) > 1e-12
+
+
 def test_of_overlapping_landmarks_one_fix_is_taken_and_equal_ones_change_nothing():
     (mark,) = LANDMARK_SCENE.landmarks
     twice = replace(LANDMARK_SCENE, landmarks=(mark, mark.copy()))

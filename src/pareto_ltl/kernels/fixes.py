@@ -21,6 +21,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from pareto_ltl.kernels.data import Ahead, LandmarkLaw, LandmarkMemory, Landmarks, Modes, Square
 from pareto_ltl.kernels.interpolation import F32, corner_weights, mode_square, mode_value, wind_at
 from pareto_ltl.kernels.motion import scaled_cov
@@ -42,10 +44,11 @@ from pareto_ltl.support.arrays import Float32Array
 from plane_kernels.gaussian import FixWeights, fix_weights
 from plane_kernels.polygon import polygon_probability
 from plane_kernels.types import Cov, Gaussian, Linear, Point
-from typed_kernels.jit import implements, kernel, vector
+from typed_kernels.jit import implements, inlined, kernel, vector
 
 OUTSIDE = 5.0  # deviations beyond which a landmark is out of reach
 WORTHWHILE = 0.01  # share of the unknown variance: fixes that take less are ignored
+FORGOTTEN = F32(1e-12)  # s D below this is 0: numbers below 1e-38 would take a hundred times as long
 
 
 @kernel
@@ -265,6 +268,12 @@ def weighted(psi: Float32Array, coefficients: Float32Array) -> float:
     return total  # type: ignore[return-value]
 
 
+@inlined
+def lasting(value: np.float32) -> np.float32:
+    """``value``, or 0 if it is forgotten."""
+    return value if abs(value) > FORGOTTEN else F32(0.0)
+
+
 @vector
 def subtract_fix(
     theta: Float32Array, gain: Float32Array, kept: Float32Array,
@@ -277,7 +286,7 @@ def subtract_fix(
     e0, e1, n0, n1 = F32(moved[0]), F32(moved[1]), F32(moved[2]), F32(moved[3])
     for c in range(2):
         for m in range(theta.shape[2]):
-            one, two = kept[m] * gain[0, c, m], kept[m] * gain[1, c, m]
+            one, two = lasting(kept[m] * gain[0, c, m]), lasting(kept[m] * gain[1, c, m])
             theta[0, c, m] -= e0 * one + e1 * two
             theta[1, c, m] -= n0 * one + n1 * two
             gain[0, c, m], gain[1, c, m] = one, two
