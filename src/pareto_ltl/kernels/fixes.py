@@ -26,6 +26,7 @@ import numpy as np
 from pareto_ltl.kernels.data import Ahead, LandmarkLaw, LandmarkMemory, Landmarks, Modes, Square
 from pareto_ltl.kernels.interpolation import F32, corner_weights, mode_square, mode_value, wind_at
 from pareto_ltl.kernels.motion import scaled_cov
+from pareto_ltl.kernels.moves import dot
 from pareto_ltl.kernels.propagation import (
     advance,
     carry,
@@ -237,8 +238,8 @@ def steer_against(law: LandmarkLaw, memory: LandmarkMemory, step: int, at: Point
     fill_wind_modes(modes, step, mode_square(modes, at), psi)
     for f in range(memory.used[0]):
         gain = memory.gain[f]
-        e0, e1 = weighted(psi[0], gain[0, 0]), weighted(psi[0], gain[1, 0])
-        n0, n1 = weighted(psi[1], gain[0, 1]), weighted(psi[1], gain[1, 1])
+        e0, e1 = dot(psi[0], gain[0, 0]), dot(psi[0], gain[1, 0])
+        n0, n1 = dot(psi[1], gain[0, 1]), dot(psi[1], gain[1, 1])
         e0 += expected_error(memory.errors, step, f, 0, 0)
         e1 += expected_error(memory.errors, step, f, 1, 0)
         n0 += expected_error(memory.errors, step, f, 0, 1)
@@ -257,15 +258,6 @@ def fill_wind_modes(modes: Modes, step: int, square: Square, psi: Float32Array) 
     for c in range(2):
         for m in range(psi.shape[1]):
             psi[c, m] = scale[m] * mode_value(modes.psi, slot, square, weights, c, m)
-
-
-@vector
-def weighted(psi: Float32Array, coefficients: Float32Array) -> float:
-    """Σ_m ``psi[m]`` ``coefficients[m]``."""
-    total = F32(0.0)
-    for m in range(len(psi)):
-        total += psi[m] * coefficients[m]
-    return total  # type: ignore[return-value]
 
 
 @inlined
