@@ -24,9 +24,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pareto_ltl.kernels.data import Ahead, LandmarkLaw, LandmarkMemory, Landmarks, Modes, Square
-from pareto_ltl.kernels.interpolation import F32, corner_weights, mode_square, mode_value, wind_at
+from pareto_ltl.kernels.interpolation import F32, corner_weights, dot, mode_square, mode_value, wind_at
 from pareto_ltl.kernels.motion import scaled_cov
-from pareto_ltl.kernels.moves import dot
 from pareto_ltl.kernels.propagation import (
     advance,
     carry,

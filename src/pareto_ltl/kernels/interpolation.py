@@ -124,3 +124,12 @@ def wind_slopes(wind: Wind, x: FloatArray, slopes: FloatArray) -> None:
             up, far = node_wind(wind, t, i, j + 1, c), node_wind(wind, t, i + 1, j + 1, c)
             slopes[t, c, 0] = east * ((1.0 - fy) * (right - low) + fy * (far - up))
             slopes[t, c, 1] = north * ((1.0 - fx) * (up - low) + fx * (far - right))
+
+
+@vector
+def dot(one: Float32Array, other: Float32Array | FloatArray) -> float:
+    """The scalar product of two vectors, in 64 bits if one of them has them."""
+    total = F32(0.0)
+    for j in range(len(one)):
+        total += one[j] * other[j]
+    return total  # type: ignore[return-value]

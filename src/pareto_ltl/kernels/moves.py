@@ -5,7 +5,7 @@ A move is e' = A e + G θ + n, θ' = R θ + ζ (:class:`~pareto_ltl.kernels.pilo
 
 from __future__ import annotations
 
-from pareto_ltl.kernels.interpolation import F32
+from pareto_ltl.kernels.interpolation import F32, dot
 from pareto_ltl.kernels.pilots import Beliefs, Moves
 from pareto_ltl.support.arrays import Float32Array, FloatArray
 from typed_kernels.jit import kernel, vector
@@ -23,15 +23,6 @@ def stay(moves: Moves, k: int) -> None:
     for m in range(modes):
         moves.kept[k, m] = F32(1.0)
     moves.end[k] = k
-
-
-@vector
-def dot(one: Float32Array, other: Float32Array | FloatArray) -> float:
-    """The scalar product of two vectors, in 64 bits if one of them has them."""
-    total = F32(0.0)
-    for j in range(len(one)):
-        total += one[j] * other[j]
-    return total  # type: ignore[return-value]
 
 
 @vector

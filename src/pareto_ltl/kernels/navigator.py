@@ -26,8 +26,8 @@ from __future__ import annotations
 import math
 
 from pareto_ltl.kernels.data import Landmarks, Motion
-from pareto_ltl.kernels.interpolation import F32
-from pareto_ltl.kernels.moves import changes, dot, fade_theta, lengthen, move_belief, stay
+from pareto_ltl.kernels.interpolation import F32, dot
+from pareto_ltl.kernels.moves import changes, fade_theta, lengthen, move_belief, stay
 from pareto_ltl.kernels.pilots import (
     SHARES,
     Beliefs,
