@@ -12,6 +12,7 @@ from llvmlite.binding import Linkage, parse_assembly
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 
+OWN = ".own"  # ends the names of copies of helpers
 ENVIRONMENT = "_ZN08NumbaEnv"  # begins the names of global variables with what a function may need of Python
 
 
@@ -52,12 +53,16 @@ class SharedLibrary(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
     Numba lets the linker take the first copy in the process for all kernels. Copies differ in their last
     bits, as sums are reordered where a helper is optimised: a run that compiles would have other results
     than one that finds the code on disk, and either would depend on the order in which kernels are used.
+
+    Copies have their own name: the linker takes a copy also for code that is compiled later by numba's usual
+    compiler, and that has other arguments if LLVM has left out those that are not used.
     """
 
     def _finalize_final_module(self) -> None:
         for function in self._final_module.functions:
             if function.linkage == Linkage.linkonce_odr and not function.is_declaration:
                 function.linkage = Linkage.internal
+                function.name += OWN
         super()._finalize_final_module()
 
 
