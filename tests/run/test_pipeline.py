@@ -238,7 +238,8 @@ def test_another_seed_keeps_the_records_and_leaves_the_first_run_alone() -> None
     run.make("flour")
     other = run.with_seed(9)
     other.make("bread")
-    assert other.settings.seed == 9
+    assert other.settings.seed == other.settings.search_seed == 9
+    assert run.settings.search_seed == 0
     assert "bread" not in run.records
     assert made == ["flour", "dough", "bread"]
 

@@ -6,9 +6,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 
 import pareto_ltl
 from pareto_ltl.run.front_stage import REFINERS, Search, make_front
+from pareto_ltl.run.plan_run import Run
+from pareto_ltl.settings import Settings
 from pareto_ltl.support.budget import Budget
 from quick_wind import QUICK_WIND
 
@@ -28,15 +31,52 @@ SMALL: dict[str, Any] = {
 }
 
 
-def test_seeds_search_with_the_same_flights_and_are_judged_by_others() -> None:
-    """From the same trees they find the same paths; no flight that judges these is one of the search."""
-    run = pareto_ltl.plan(SCENE, "F a", **SMALL)
-    searches = [
-        Search(replace(run.settings, seed=seed), run.problem, run.forest, Budget()) for seed in (3, 4)
-    ]
-    one, other = (REFINERS["sampled"](search, ()) for search in searches)
-    assert len(one) >= 2
-    for path, same in zip(one, other, strict=True):
-        np.testing.assert_array_equal(path.x, same.x)
-    first, second = (make_front(search).failed for search in searches)
+@pytest.fixture(scope="module")
+def run() -> Run:
+    return pareto_ltl.plan(SCENE, "F a", **SMALL)
+
+
+def again(run: Run, **changed: Any) -> Run:
+    """A run of the same problem with other settings, whose trees are not grown yet."""
+    return Run(replace(run.settings, **changed), run.make("scene", "cells", "automaton", "wind", "problem"))
+
+
+def same_trees(run: Run, other: Run) -> bool:
+    pairs = zip(run.forest.trees, other.forest.trees, strict=True)
+    return all(np.array_equal(one.x, two.x) for one, two in pairs)
+
+
+def found(run: Run) -> list[bytes]:
+    """The paths that the search finds."""
+    search = Search(run.settings, run.problem, run.forest, Budget())
+    return [path.x.tobytes() for path in REFINERS["sampled"](search, ())]
+
+
+def test_seeds_search_with_the_same_trees_and_flights_and_are_judged_by_others(run: Run) -> None:
+    one, other = again(run, seed=3), again(run, seed=4)
+    assert same_trees(one, other)
+    assert len(found(one)) >= 2
+    assert found(one) == found(other)
+    first, second = (
+        make_front(Search(each.settings, each.problem, each.forest, Budget())).failed for each in (one, other)
+    )
     assert first.shape != second.shape or (first != second).any()
+
+
+def test_another_seed_of_the_search_is_another_search(run: Run) -> None:
+    other = again(run, refine=replace(run.settings.refine, seed=1))
+    assert not same_trees(run, other)
+    assert found(run) != found(other)
+
+
+def test_a_search_of_no_seed_has_the_seed_of_the_run(run: Run) -> None:
+    own = again(run, seed=1, refine=replace(run.settings.refine, seed=None))
+    other = again(run, refine=replace(run.settings.refine, seed=1))
+    assert same_trees(own, other)
+    assert found(own) == found(other)
+
+
+def test_trees_of_the_published_method_follow_from_the_seed_of_the_run() -> None:
+    settings = [Settings.of({"fidelity": "paper", "seed": seed}) for seed in (3, 4)]
+    assert [each.search_seed for each in settings] == [3, 4]
+    assert Settings.of({"seed": 3}).search_seed == 0

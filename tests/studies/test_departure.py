@@ -21,7 +21,7 @@ from pareto_ltl.support.errors import ConfigError
 from pareto_ltl.support.schemas import read_document
 from pareto_ltl.wind.readings import CALM, Readings
 from pareto_ltl_apps.cli.commands import run_command_line
-from pareto_ltl_apps.studies.departure import candidate_starts, repeat_seed
+from pareto_ltl_apps.studies.departure import candidate_starts, repeated
 from pareto_ltl_apps.studies.departure_fronts import Comparison, compare_fronts, flown_front
 from pareto_ltl_apps.studies.departure_table import (
     Delivered,
@@ -221,10 +221,12 @@ def test_the_full_plan_is_set_against_the_compared_front_and_the_latest_arrival(
 
 
 def test_the_first_seed_is_that_of_the_run_and_the_others_differ() -> None:
-    seeds = [repeat_seed(5, k) for k in range(4)]
-    assert seeds[0] == 5
-    assert len(set(seeds)) == 4
-    assert seeds == [repeat_seed(5, k) for k in range(4)]
+    settings = Settings(seed=5)
+    repeats = [repeated(settings, k) for k in range(4)]
+    assert repeats[0] == settings
+    assert len({repeat.search_seed for repeat in repeats}) == 4
+    assert all(repeat.seed == repeat.search_seed for repeat in repeats[1:])
+    assert repeats == [repeated(settings, k) for k in range(4)]
 
 
 # --- whole studies -----------------------------------------------------------------------------

@@ -75,7 +75,7 @@ def test_a_plan_of_a_study_is_the_plan_of_the_pipeline(cfg: Settings, tmp_path: 
         "readings", "scene", "decomposition", "automaton", "observations", "wind",
         "problem", "forest", "front", "plan",
     ]  # fmt: skip
-    mine.seed = 3
+    mine.seed, mine.refine.seed = 3, None
     Pipeline.of(mine).run(tmp_path)
     path = Run(replace(mine, seed=0)).with_seed(3).plan.path
     np.testing.assert_array_equal(Run.open(tmp_path).plan.path.x, path.x)

@@ -37,7 +37,8 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger(__name__)
 JUDGING = "judging"  # child of the front's stream
-SEARCHING = "searching"  # stream of the flights that paths are fitted to; the same for every seed of a run
+FOREST = "forest"  # stream of the trees
+SEARCHING = "searching"  # stream of the flights that paths are fitted to
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +88,7 @@ def _bounded_front(search: Search) -> Front:
     if not raw and not kept:
         if refined:  # they complete the mission, too close to obstacles
             raise InfeasibleError(breach_text(problem, refined))
-        grown_from = stage_seeds(settings.seed, "forest")
+        grown_from = stage_seeds(settings.search_seed, FOREST)
         if why := no_path.explain_no_safe_path(settings.planner, problem, grown_from):
             raise InfeasibleError(why)
     return selection.build_front(kept, raw, settings.fidelity)
@@ -139,7 +140,7 @@ def nearest_to_epsilon(search: Search, paths: Sequence[PlannedPath]) -> tuple[Pl
 def _no_tree_path(search: Search) -> str:
     """Text with the reason why the trees have no path that completes the mission."""
     settings = search.settings
-    grown_from = stage_seeds(settings.seed, "forest")
+    grown_from = stage_seeds(settings.search_seed, FOREST)
     return no_path.explain_no_path(settings.planner, search.problem, search.forest, grown_from)
 
 
@@ -186,16 +187,16 @@ def _convex_refinement(
 def _sampled_refinement(search: Search, raw: Sequence[PlannedPath]) -> tuple[PlannedPath, ...]:
     """Sampled refinement; without uncertainty all flights are the same, and only the length counts.
 
-    Its flights are nodes of an integral, and do not depend on the seed of the run: seeds differ in their
-    trees and in the flights that judge the paths.
+    Its flights, like its trees, are drawn with ``refine.seed``: as nodes of an integral, they are the same
+    for every seed of a run, which decides on the flights that judge the paths.
     """
     problem = search.problem
     if is_certain(problem):
         return _convex_refinement(search, raw, flown_lines(problem))
-    effort = Effort.of(search.settings.refine)
+    effort, seeds = Effort.of(search.settings.refine), stage_seeds(search.settings.search_seed, SEARCHING)
 
     def draw(runs: int) -> DrawnFlights:
-        return draw_mirrored(problem, problem.fidelity.law, runs, stage_seeds(0, SEARCHING))
+        return draw_mirrored(problem, problem.fidelity.law, runs, seeds)
 
     return sampled_paths(effort, problem, search.forest, draw, search.progress, search.budget)
 

@@ -86,7 +86,7 @@ def plan(
     formula : str, mapping or MissionConfig
         A formula over the regions of the map (``"F(a & F b)"``), or the keys of section ``mission``.
     seed : int
-        Another seed gives other trees.
+        Another seed gives other flights that judge the paths, ``refine={"seed": 1}`` other paths.
     out : path, optional
         Run the whole pipeline into this results directory. Without it only up to the plan, with no files.
     on_progress : callable, optional

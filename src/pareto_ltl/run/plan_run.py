@@ -25,6 +25,7 @@ from pareto_ltl.settings.heights import flight_height
 from pareto_ltl.support.errors import ConfigError, DataError
 from pareto_ltl.support.run_status import ANSWERS
 from pareto_ltl.support.schemas import read_document
+from pareto_ltl.support.seeds import stage_seeds
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -181,7 +182,7 @@ class Run(BaseRun):
         settings, problem = self.settings, self.problem
         self.budget.heeded = True
         with compiling_in_two(settings, self.budget):
-            seeds = self.seeds("forest")
+            seeds = stage_seeds(settings.search_seed, "forest")
             return growth.grow_forest(settings.planner, problem, seeds, self.progress, budget=self.budget)
 
     @record("front.csv", "front.npz", codec=f"{PLAN_FILES}:front", words="Improving the paths")

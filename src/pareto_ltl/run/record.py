@@ -230,8 +230,9 @@ class BaseRun(Displayed):
         return type(self)(settings, dict(self.records), place, read=self.read, stored=self.stored)
 
     def with_seed(self, seed: int) -> Self:
-        """A run of the same records with another seed, which applies to records not made yet."""
-        return self.with_settings(replace(self.settings, seed=seed))
+        """A run of the same records with another seed, also of the search, for records not made yet."""
+        refine = replace(self.settings.refine, seed=None)
+        return self.with_settings(replace(self.settings, seed=seed, refine=refine))
 
     def seeds(self, stream: str) -> SeedSequence:
         """The stream of random numbers ``stream`` of the run, from its beginning."""

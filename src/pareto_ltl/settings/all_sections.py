@@ -67,6 +67,12 @@ class Settings(AllSettings):
         """``wall`` if leaving the map is a failure, else ``open``; a map file may set it differently."""
         return self.fidelity.border if self.scene.border == "auto" else self.scene.border
 
+    @property
+    def search_seed(self) -> int:
+        """Seed of the search for paths: ``refine.seed``; without sampled refinement the seed of the run."""
+        own = self.refine.seed
+        return self.seed if own is None or self.fidelity.refine != "sampled" else own
+
     @classmethod
     def values_of(cls, section: str, value: Any) -> Any:
         """The keys and values of a choice or a mapping.

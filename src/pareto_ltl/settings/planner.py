@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from careful_io.messages import shown_value, wrong_value
-from declared_settings import CheckedSettings, is_finite, setting
+from declared_settings import SEEDS, CheckedSettings, is_finite, setting
 from pareto_ltl.settings.fidelity import LAWS
 from pareto_ltl.support import extensions
 from pareto_ltl.support.errors import ConfigError
@@ -105,6 +105,12 @@ class RefineConfig(CheckedSettings, section="refine"):
         4, "classes of paths (mission order, sides of the obstacles) that are swept", "[1, 1000]"
     )
     points: int = setting(26, "largest number of paths that are polished on all flights", "[2, 10_000]")
+    seed: int | None = setting(
+        0,
+        "seed of the trees and of the flights that paths are fitted to, the same for every seed of a run: "
+        "that seed then decides on the flights that judge the paths; null: the seed of the run",
+        SEEDS,
+    )
 
     def coarse(self) -> RefineConfig:
         """These settings within ``COARSE_EFFORT``: a third of the CPU time and less, worse plans."""

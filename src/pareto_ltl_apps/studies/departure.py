@@ -175,12 +175,11 @@ def start_settings(
     """The settings of a run with the departure ``time`` [s since 1970].
 
     ``quick`` takes a coarser refinement; ``files`` adds simulated flights, exports and figures; ``repeat``
-    0 has the seed of ``settings``, each other one another seed.
+    0 has the seeds of ``settings``, each other one another seed, also of its search.
     """
     stages = [*STAGES, *(FILES if files else ())]
     mine = replace(
-        settings,
-        seed=repeat_seed(settings.seed, repeat),
+        repeated(settings, repeat),
         mission=replace(settings.mission, start_time=iso(time)),
         pipelines=replace(settings.pipelines, stages=stages),
     )
@@ -190,10 +189,13 @@ def start_settings(
     return replace(quicker, selection=replace(mine.selection, runs=min(mine.selection.runs, QUICK_RUNS)))
 
 
-def repeat_seed(seed: int, repeat: int) -> int:
-    """The seed of the plan number ``repeat`` of a start."""
-    child = named_child(stage_seeds(seed, STREAM), f"seed {repeat}")
-    return seed if repeat == 0 else int(child.generate_state(1)[0])
+def repeated(settings: Settings, repeat: int) -> Settings:
+    """``settings`` with the seeds of the plan number ``repeat`` of a start."""
+    if repeat == 0:
+        return settings
+    child = named_child(stage_seeds(settings.seed, STREAM), f"seed {repeat}")
+    refine = replace(settings.refine, seed=None)
+    return replace(settings, seed=int(child.generate_state(1)[0]), refine=refine)
 
 
 def departure_part(context: DepartureContext, time: float, repeat: int) -> Columns:

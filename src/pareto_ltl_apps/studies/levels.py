@@ -31,7 +31,7 @@ from pareto_ltl_apps.studies.departure import (
     STAGES,
     path_columns,
     plan_start,
-    repeat_seed,
+    repeated,
     route_conditions,
     same_map,
 )
@@ -138,8 +138,7 @@ def level_settings(settings: Settings, candidate: Candidate, repeat: int = 0) ->
     if candidate.start is not None:
         mission = replace(mission, start_time=iso(candidate.start))
     mine = replace(
-        settings,
-        seed=repeat_seed(settings.seed, repeat),
+        repeated(settings, repeat),
         mission=mission,
         wind=replace(settings.wind, level=candidate.level),
         robot=replace(settings.robot, level=candidate.level),
