@@ -43,8 +43,8 @@ def test_a_kernel_has_helpers_of_its_own(options, shared):
     assert all((f.linkage == Linkage.linkonce_odr) == shared for f in defined)
 
 
-# Two kernels of which one calls the other, so that LLVM leaves out arguments of the copy in the second; then
-# the helper in a function that numba compiles as usual. The process is new: what others compiled would matter.
+# Of two kernels one calls the other, so that LLVM leaves out arguments of the copy in the second; then numba
+# compiles the helper in a function as usual. The process is new: what others compiled would matter.
 LEFT_OUT = """
 import numpy as np
 from plane_kernels.polygon import polygon_probability
