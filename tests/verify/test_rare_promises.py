@@ -112,7 +112,13 @@ def rare_plan(folder: Path, feedback: float | None = 1000.0) -> Evidence:
 
 @pytest.fixture(scope="module")
 def rare(tmp_path_factory: pytest.TempPathFactory) -> Evidence:
-    return rare_plan(tmp_path_factory.mktemp("rare") / "result")
+    """Such a plan with a rate that is far enough from 1e-6, below which rates are not distinguished.
+
+    Plans differ between processors, as do the eigenvectors of the wind's covariance.
+    """
+    folder = tmp_path_factory.mktemp("rare")
+    plans = (rare_plan(folder / f"{time:g}", time) for time in (1000.0, 1500.0, 2000.0, 3000.0))
+    return next(found for found in plans if 5e-5 < found.plan["promise"]["failure"] < 1e-3)
 
 
 @pytest.mark.statistical
@@ -129,7 +135,7 @@ def test_the_promise_of_rare_failures_has_the_rate_of_other_weighted_flights(rar
     assert binom.sf(failed - 1, 20_000, weights.mean()) > RARE
 
 
-@pytest.mark.parametrize("factor", [1e-6, 0.3])  # of a rate of 2e-4
+@pytest.mark.parametrize("factor", [1e-6, 0.3])  # of a rate of about 2e-4
 def test_a_rare_promise_told_lower_is_contradicted_by_weighted_flights(rare: Evidence, factor: float) -> None:
     """By weighted flights alone: plain ones, far too few here, would not see it."""
     told: Any = Counted(0.0, factor * rare.plan["promise"]["low"], factor * rare.plan["promise"]["high"])

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
 LOG = logging.getLogger(__name__)
 JUDGING = "judging"  # child of the front's stream
-FOREST = "forest"  # stream of the trees
 SEARCHING = "searching"  # stream of the flights that paths are fitted to
 
 
@@ -56,6 +55,11 @@ class Search:
     def seeds(self) -> SeedSequence:
         """The random stream of the front, from its beginning."""
         return stage_seeds(self.settings.seed, "front")
+
+    @property
+    def grown_from(self) -> SeedSequence:
+        """The random stream of the trees, from its beginning."""
+        return stage_seeds(self.settings.search_seed, "forest")
 
 
 def make_front(search: Search) -> Front:
@@ -88,8 +92,7 @@ def _bounded_front(search: Search) -> Front:
     if not raw and not kept:
         if refined:  # they complete the mission, too close to obstacles
             raise InfeasibleError(breach_text(problem, refined))
-        grown_from = stage_seeds(settings.search_seed, FOREST)
-        if why := no_path.explain_no_safe_path(settings.planner, problem, grown_from):
+        if why := no_path.explain_no_safe_path(settings.planner, problem, search.grown_from):
             raise InfeasibleError(why)
     return selection.build_front(kept, raw, settings.fidelity)
 
@@ -139,9 +142,8 @@ def nearest_to_epsilon(search: Search, paths: Sequence[PlannedPath]) -> tuple[Pl
 
 def _no_tree_path(search: Search) -> str:
     """Text with the reason why the trees have no path that completes the mission."""
-    settings = search.settings
-    grown_from = stage_seeds(settings.search_seed, FOREST)
-    return no_path.explain_no_path(settings.planner, search.problem, search.forest, grown_from)
+    planner = search.settings.planner
+    return no_path.explain_no_path(planner, search.problem, search.forest, search.grown_from)
 
 
 FRONT_MAKERS: dict[str, Callable[[Search], Front]] = {"bound": _bounded_front, "flights": _flown_front}
