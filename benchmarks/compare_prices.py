@@ -165,9 +165,7 @@ def failure(settings: Settings, scene: Scene, length: float, asked: argparse.Nam
     """The least failure rate at ``length`` [m] of the fronts of several seeds on ``scene``."""
     found = []
     for seed in range(asked.seeds):
-        refine = replace(settings.refine, seed=None)
-        selection = replace(settings.selection, draws=asked.runs)
-        cfg = replace(settings, seed=seed, refine=refine, selection=selection)
+        cfg = replace(settings.with_seed(seed), selection=replace(settings.selection, draws=asked.runs))
         front = Run(cfg, {"scene": scene}).front
         order = np.argsort([path.objectives.length for path in front.paths])
         lengths = np.array([front.paths[k].objectives.length for k in order])

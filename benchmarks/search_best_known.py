@@ -59,17 +59,17 @@ class Best:
 
 def benchmark_run(name: str, border: str, seed: int) -> Run:
     """A run of phi1, phi2 or a random mission (``random0``, ...) in the packaged wind, default settings."""
-    number, own = name.removeprefix("random"), {"refine": {"seed": None}}  # each seed has its own search
+    number = name.removeprefix("random")
     if number == name:
         choices: dict[str, Any] = {"scene": name, "mission": name, "robot": {"dt": 1800.0}}
-        settings = Settings.of({"pipelines": "plan", "seed": seed} | own | choices)
+        settings = Settings.of({"pipelines": "plan"} | choices).with_seed(seed)
         return Run(replace(settings, scene=replace(settings.scene, border=border)))
-    settings = Settings.of({"pipelines": "plan", "seed": seed} | own)
+    settings = Settings.of({"pipelines": "plan"})
     times = Run(settings).readings.times
     spell = Spell(0, len(times) - 1, float(times[0]), float(times[-1]))
     task = random_mission(HindcastConfig(), RANDOM_SEED, int(number), [spell], border)
     settings = mission_settings(settings, HindcastConfig(), task, preset("full"))
-    return Run(replace(settings, seed=seed), {"scene": task.scene})
+    return Run(settings.with_seed(seed), {"scene": task.scene})
 
 
 def paper_run(run: Run) -> Run:

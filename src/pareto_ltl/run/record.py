@@ -10,7 +10,7 @@ import logging
 import time
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar, overload
@@ -231,8 +231,7 @@ class BaseRun(Displayed):
 
     def with_seed(self, seed: int) -> Self:
         """A run of the same records with another seed, also of the search, for records not made yet."""
-        refine = replace(self.settings.refine, seed=None)
-        return self.with_settings(replace(self.settings, seed=seed, refine=refine))
+        return self.with_settings(self.settings.with_seed(seed))
 
     def seeds(self, stream: str) -> SeedSequence:
         """The stream of random numbers ``stream`` of the run, from its beginning."""

@@ -73,6 +73,10 @@ class Settings(AllSettings):
         own = self.refine.seed
         return self.seed if own is None or self.fidelity.refine != "sampled" else own
 
+    def with_seed(self, seed: int) -> Settings:
+        """The same with another seed, which the search has, too."""
+        return replace(self, seed=seed, refine=replace(self.refine, seed=None))
+
     @classmethod
     def values_of(cls, section: str, value: Any) -> Any:
         """The keys and values of a choice or a mapping.

@@ -194,8 +194,7 @@ def repeated(settings: Settings, repeat: int) -> Settings:
     if repeat == 0:
         return settings
     child = named_child(stage_seeds(settings.seed, STREAM), f"seed {repeat}")
-    refine = replace(settings.refine, seed=None)
-    return replace(settings, seed=int(child.generate_state(1)[0]), refine=refine)
+    return settings.with_seed(int(child.generate_state(1)[0]))
 
 
 def departure_part(context: DepartureContext, time: float, repeat: int) -> Columns:
