@@ -64,7 +64,7 @@ class Effort:
     tree_classes: int = 24  # classes and lengths of tree paths, those with the least risk
 
     # --- first looks ---
-    looked_lines: int = 12  # the best lines that are polished; every seed has the same ones
+    looked_lines: int = 12  # the best lines that are polished; every search has the same ones
     looked_grown: int = 6  # the best tree paths, which do not compete with lines
     looked_longest: int = 4  # the longest starts, which fail little only once they are polished
     loose: float = 1.1  # factor by which the first polish may lengthen a start

@@ -67,8 +67,8 @@ def _safest(found: Iterable[Candidate], limit: int) -> list[Candidate]:
 def _promising(sweep: Sweep, starts: Sequence[Start]) -> list[Start]:
     """The best lines and the best tree paths in one simulation, and the longest starts.
 
-    The best are taken by whole fronts of failure and length. Lines do not compete with tree paths: every seed
-    has the same ones.
+    The best are taken by whole fronts of failure and length. Lines do not compete with tree paths: every
+    search has the same ones.
     """
     if not starts:
         return []
